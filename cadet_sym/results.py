@@ -1,0 +1,398 @@
+"""What a run gives: moments with names, how they were obtained, and the ways to take them elsewhere.
+
+Shapes: k times, n augmented states (the vehicle's as declared, then the ground filters'), m outputs.
+Arrays are read-only; a value that does not exist is NaN here and ``null`` in JSON.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cadet_sym.files import save_as
+from cadet_sym.labelled import Labelled, LabelledCovariance
+from cadet_sym.tables import aligned, html, plain
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = [
+    "MomentHistory",
+    "Provenance",
+    "StationaryMoments",
+    "StationarySolutions",
+    "StationarySweep",
+]
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """How a result was obtained."""
+
+    engine: str  # the integrator or rootfinder, by its name in the literature
+    rtol: float  # relative tolerance asked for
+    statistics: Mapping[str, float] = field(default_factory=dict)  # steps, evaluations, seconds, ...
+    parameters: Mapping[str, float] = field(default_factory=dict)  # the values used
+    model_hash: str = ""
+    version: str = ""  # of cadet-sym
+
+    def attributes(self) -> dict[str, Any]:
+        """The same as flat attributes of a file: text and numbers only."""
+        return {
+            "engine": self.engine,
+            "rtol": self.rtol,
+            "model_hash": self.model_hash,
+            "cadet_sym_version": self.version,
+            "units": "SI unless the model declares others",
+            **{f"parameter {name}": float(value) for name, value in self.parameters.items()},
+            **{f"statistic {name}": float(value) for name, value in self.statistics.items()},
+        }
+
+
+class _Moments:
+    """Names for the moments of one record: what a history and a stationary solution share."""
+
+    states: tuple[str, ...]
+    outputs: tuple[str, ...]
+    state_mean: np.ndarray
+    state_covariance: np.ndarray
+    output_mean: np.ndarray
+    output_variance: np.ndarray
+
+    @property
+    def mean(self) -> Labelled:
+        """Means of states and outputs, by name; the array (..., n) of the states by ``.values``."""
+        return Labelled(self.states, self.state_mean, self.outputs, self.output_mean)
+
+    @property
+    def variance(self) -> Labelled:
+        """Variances of states and outputs, by name."""
+        diagonal = np.diagonal(self.state_covariance, axis1=-2, axis2=-1)
+        return Labelled(self.states, diagonal, self.outputs, self.output_variance)
+
+    @property
+    def std(self) -> Labelled:
+        """Standard deviations of states and outputs, by name; rounding below zero counts as zero."""
+        variance = self.variance
+        roots = [np.sqrt(np.maximum(part, 0.0)) for part in (variance.values, variance.outputs)]
+        return Labelled(self.states, roots[0], self.outputs, roots[1])
+
+    @property
+    def covariance(self) -> LabelledCovariance:
+        """Zero-lag covariances of states by pairs of names, and variances of outputs."""
+        return LabelledCovariance(self.states, self.state_covariance, self.outputs, self.output_variance)
+
+    def _seal(self, *leading: int) -> None:
+        """Take the arrays as they are to stay: floats, of the shape that the names say, read-only."""
+        n, m = len(self.states), len(self.outputs)
+        shapes = {
+            "state_mean": (n,),
+            "state_covariance": (n, n),
+            "output_mean": (m,),
+            "output_variance": (m,),
+        }
+        for name, shape in shapes.items():
+            _freeze(self, name, (*leading, *shape))
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """Every moment once, by a name a spreadsheet can show."""
+        n = len(self.states)
+        columns = {f"mean {name}": self.mean[name] for name in (*self.states, *self.outputs)}
+        for i, row in enumerate(self.states):
+            for j in range(i, n):
+                title = f"variance {row}" if i == j else f"covariance {row} {self.states[j]}"
+                columns[title] = self.state_covariance[..., i, j]
+        return columns | {f"variance {name}": self.variance[name] for name in self.outputs}
+
+
+@dataclass(frozen=True, eq=False)
+class MomentHistory(_Moments):
+    """Mean and zero-lag covariance of every state, mean and variance of every output, against time."""
+
+    model: str
+    states: tuple[str, ...]
+    outputs: tuple[str, ...]
+    time: np.ndarray  # (k,)
+    state_mean: np.ndarray  # (k, n)
+    state_covariance: np.ndarray  # (k, n, n), products of the states' units; symmetric
+    output_mean: np.ndarray  # (k, m)
+    output_variance: np.ndarray  # (k, m)
+    provenance: Provenance
+
+    def __post_init__(self) -> None:
+        _freeze(self, "time", (len(self.time),))
+        self._seal(len(self.time))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The history as plain lists and numbers: what ``cadet-sym moments --json`` prints."""
+        outputs = {
+            name: {"mean": plain(self.mean[name]), "variance": plain(self.variance[name])}
+            for name in self.outputs
+        }
+        return {
+            "model": self.model,
+            "states": list(self.states),
+            "time": plain(self.time),
+            "mean": plain(self.state_mean),
+            "covariance": plain(self.state_covariance),
+            "outputs": outputs,
+        }
+
+    def to_xarray(self) -> xr.Dataset:
+        """The history as a data set with dimensions time, state, state_2, output."""
+        import xarray as xr
+
+        return xr.Dataset(
+            {
+                "mean": (("time", "state"), self.state_mean),
+                "covariance": (("time", "state", "state_2"), self.state_covariance),
+                "output_mean": (("time", "output"), self.output_mean),
+                "output_variance": (("time", "output"), self.output_variance),
+            },
+            coords=_coordinates(self.states, self.outputs) | {"time": ("time", self.time, {"units": "s"})},
+            attrs={"model": self.model, **self.provenance.attributes()},
+        )
+
+    def save(self, path: str | Path) -> Path:
+        """Write .nc (netCDF), .csv (a column a moment) or .mat, by the suffix; whole or not at all.
+
+        Raises
+        ------
+        ExportError
+            Unknown suffix, or a folder that cannot be written to.
+        """
+        return save_as(path, self.to_xarray, lambda: {"time": self.time, **self.columns()})
+
+    def __str__(self) -> str:
+        k = len(self.time)
+        span = f"{self.time[0]:g} to {self.time[-1]:g}" if k else "no times"
+        title = f"Moments of {self.model}: {k} times, {span}"
+        if not k:
+            return title
+        header = [f"t = {self.time[-1]:g}", "mean", "variance", "std"]
+        return "\n".join([title, *aligned(header, self._last_rows()), _how(self.provenance)])
+
+    def _last_rows(self) -> list[list[str]]:
+        names = (*self.outputs, *self.states)
+        return [
+            [name, *(f"{moment[name][-1]:.6g}" for moment in (self.mean, self.variance, self.std))]
+            for name in names
+        ]
+
+    def _repr_html_(self) -> str:
+        title = f"Moments of {self.model}, at the end of {len(self.time)} times"
+        rows = self._last_rows() if len(self.time) else []
+        return html(title, ["", "mean", "variance", "std"], rows, _how(self.provenance))
+
+
+@dataclass(frozen=True, eq=False)
+class StationaryMoments(_Moments):
+    """One fixed point of the moment equations: mean and covariance that stay as they are."""
+
+    model: str
+    states: tuple[str, ...]
+    outputs: tuple[str, ...]
+    state_mean: np.ndarray  # (n,), NaN for a state that drifts
+    state_covariance: np.ndarray  # (n, n), NaN in the rows and columns of a state that drifts; symmetric
+    output_mean: np.ndarray  # (m,), NaN for an output that drifts
+    output_variance: np.ndarray  # (m,)
+    stable: bool  # as a fixed point of the whole moment system, delayed wheels included
+    residual: float  # the largest of the moment equations over the size of their own terms
+    eigenvalues: np.ndarray  # (n,) complex, of N = E[df/dx]
+    drifting: tuple[str, ...]  # states and outputs without a stationary mean and variance
+    path: tuple[str, ...]  # how it was found, a line a step
+    provenance: Provenance
+
+    def __post_init__(self) -> None:
+        self._seal()
+
+    def to_dict(self) -> dict[str, Any]:
+        """What ``cadet-sym stationary --json`` prints for this one solution."""
+        return StationarySolutions((self,)).to_dict()
+
+    def to_xarray(self) -> xr.Dataset:
+        """The solution as a data set with dimensions state, state_2, output."""
+        return StationarySolutions((self,)).to_xarray().isel(solution=0)
+
+    def save(self, path: str | Path) -> Path:
+        """Write .nc, .csv or .mat, by the suffix; see `MomentHistory.save`."""
+        return StationarySolutions((self,)).save(path)
+
+    def solution(self) -> dict[str, Any]:
+        """One entry of the list of solutions in JSON."""
+        outputs = {
+            name: {"mean": plain(self.mean[name]), "variance": plain(self.variance[name])}
+            for name in self.outputs
+        }
+        return {
+            "mean": plain(self.state_mean),
+            "covariance": plain(self.state_covariance),
+            "stable": bool(self.stable),
+            "residual": plain(np.float64(self.residual)),
+            "outputs": outputs,
+        }
+
+    def __str__(self) -> str:
+        title = f"Stationary moments of {self.model}: {self._verdict()}"
+        lines = aligned(["", "mean", "variance", "std"], self._rows())
+        drift = [f"drifting, without stationary moments: {', '.join(self.drifting)}"] if self.drifting else []
+        return "\n".join([title, *lines, *drift, _how(self.provenance)])
+
+    def _verdict(self) -> str:
+        return f"{'stable' if self.stable else 'unstable'}, residual {self.residual:.1e}"
+
+    def _rows(self) -> list[list[str]]:
+        return [
+            [name, *(f"{moment[name]:.6g}" for moment in (self.mean, self.variance, self.std))]
+            for name in (*self.outputs, *self.states)
+            if name not in self.drifting
+        ]
+
+    def _repr_html_(self) -> str:
+        title = f"Stationary moments of {self.model}, {self._verdict()}"
+        return html(title, ["", "mean", "variance", "std"], self._rows(), _how(self.provenance))
+
+
+@dataclass(frozen=True, eq=False)
+class StationarySolutions(Sequence[StationaryMoments]):
+    """The stationary solutions found at one setting of the parameters, stable ones first."""
+
+    solutions: tuple[StationaryMoments, ...]
+
+    def __getitem__(self, index: Any) -> Any:
+        return self.solutions[index]
+
+    def __len__(self) -> int:
+        return len(self.solutions)
+
+    def to_dict(self) -> dict[str, Any]:
+        """What ``cadet-sym stationary --json`` prints."""
+        first = self.solutions[0]
+        return {
+            "model": first.model,
+            "states": list(first.states),
+            "drifting": list(first.drifting),
+            "solutions": [each.solution() for each in self.solutions],
+        }
+
+    def to_xarray(self) -> xr.Dataset:
+        """The solutions as a data set with dimensions solution, state, state_2, output."""
+        return _stationary_set(self.solutions)
+
+    def save(self, path: str | Path) -> Path:
+        """Write .nc, .csv (a row a solution) or .mat, by the suffix; see `MomentHistory.save`."""
+        return save_as(path, self.to_xarray, lambda: _stationary_columns(self.solutions))
+
+    def __str__(self) -> str:
+        return "\n\n".join(str(each) for each in self.solutions)
+
+    def _repr_html_(self) -> str:
+        return "".join(each._repr_html_() for each in self.solutions)
+
+
+@dataclass(frozen=True, eq=False)
+class StationarySweep:
+    """Stationary solutions along the values of one parameter; where none was found, an empty list."""
+
+    model: str
+    parameter: str
+    values: np.ndarray  # (l,)
+    solutions: tuple[tuple[StationaryMoments, ...], ...]  # one tuple a value
+    failures: Mapping[float, str]  # value: why there is no solution
+
+    def __post_init__(self) -> None:
+        _freeze(self, "values", (len(self.solutions),))
+
+    @property
+    def found(self) -> tuple[StationaryMoments, ...]:
+        """All solutions, in the order of the values."""
+        return tuple(each for row in self.solutions for each in row)
+
+    @property
+    def values_found(self) -> np.ndarray:
+        """The parameter's value of each of `found`."""
+        return np.repeat(self.values, [len(row) for row in self.solutions])
+
+    def to_dict(self) -> dict[str, Any]:
+        """What ``cadet-sym stationary --sweep --json`` prints."""
+        found = self.found
+        return {
+            "model": self.model,
+            "states": list(found[0].states) if found else [],
+            "drifting": sorted({name for each in found for name in each.drifting}),
+            "parameter": self.parameter,
+            "values": plain(self.values),
+            "solutions": [[each.solution() for each in row] for row in self.solutions],
+        }
+
+    def to_xarray(self) -> xr.Dataset:
+        """All solutions along one dimension, with the parameter's value as a coordinate."""
+        dataset = _stationary_set(self.found).assign_coords({self.parameter: ("solution", self.values_found)})
+        del dataset.attrs[f"parameter {self.parameter}"]
+        return dataset
+
+    def save(self, path: str | Path) -> Path:
+        """Write .nc, .csv (a row a solution) or .mat, by the suffix; see `MomentHistory.save`."""
+        return save_as(
+            path,
+            self.to_xarray,
+            lambda: {self.parameter: self.values_found, **_stationary_columns(self.found)},
+        )
+
+
+def _stationary_set(solutions: Sequence[StationaryMoments]) -> xr.Dataset:
+    import xarray as xr
+
+    first = solutions[0]
+    return xr.Dataset(
+        {
+            "mean": (("solution", "state"), np.stack([each.state_mean for each in solutions])),
+            "covariance": (
+                ("solution", "state", "state_2"),
+                np.stack([each.state_covariance for each in solutions]),
+            ),
+            "output_mean": (("solution", "output"), np.stack([each.output_mean for each in solutions])),
+            "output_variance": (
+                ("solution", "output"),
+                np.stack([each.output_variance for each in solutions]),
+            ),
+            "stable": ("solution", np.array([each.stable for each in solutions])),
+            "residual": ("solution", np.array([each.residual for each in solutions])),
+        },
+        coords=_coordinates(first.states, first.outputs),
+        attrs={"model": first.model, "drifting": " ".join(first.drifting), **first.provenance.attributes()},
+    )
+
+
+def _stationary_columns(solutions: Sequence[StationaryMoments]) -> dict[str, np.ndarray]:
+    columns = {
+        "stable": np.array([int(each.stable) for each in solutions]),
+        "residual": np.array([each.residual for each in solutions]),
+    }
+    tables = [each.columns() for each in solutions]
+    return columns | {name: np.array([table[name] for table in tables]) for name in tables[0]}
+
+
+def _coordinates(states: Sequence[str], outputs: Sequence[str]) -> dict[str, Any]:
+    names = np.array(states, dtype=object), np.array(outputs, dtype=object)
+    return {"state": names[0], "state_2": names[0], "output": names[1]}
+
+
+def _freeze(record: Any, name: str, shape: tuple[int, ...]) -> None:
+    array = np.array(getattr(record, name), dtype=float)
+    if array.shape != shape:
+        kind = type(record).__name__
+        raise ValueError(f"{name} of {kind} has shape {array.shape}; its names ask for {shape}")
+    array.setflags(write=False)
+    object.__setattr__(record, name, array)
+
+
+def _how(provenance: Provenance) -> str:
+    parts = [provenance.engine, f"rtol {provenance.rtol:g}".replace("e-0", "e-")]
+    if "seconds" in provenance.statistics:
+        parts.append(f"{provenance.statistics['seconds']:.3g} s")
+    return ", ".join(parts)
