@@ -332,7 +332,7 @@ class StationarySweep:
     def to_xarray(self) -> xr.Dataset:
         """All solutions along one dimension, with the parameter's value as a coordinate."""
         dataset = _stationary_set(self.found).assign_coords({self.parameter: ("solution", self.values_found)})
-        del dataset.attrs[f"parameter {self.parameter}"]
+        dataset.attrs.pop(f"parameter {self.parameter}", None)
         return dataset
 
     def save(self, path: str | Path) -> Path:
