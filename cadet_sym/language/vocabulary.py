@@ -1,0 +1,247 @@
+"""The words of an expression: canonical symbols, the three functions SymPy lacks, and the table of the others.
+
+Every symbol of a model is `symbol(name)`, real and nothing else, so that an expression read from a file and the same one built in
+SymPy are equal. Numbers are exact. A conditional, a relation, Min and Max are built without SymPy's evaluation, which solves
+inequalities and asks assumptions at a cost no one can bound.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import sympy as sp
+from sympy.core.symbol import Str
+from sympy.logic.boolalg import Boolean
+
+from cadet_sym.errors import ModelError
+
+
+def symbol(name: str) -> sp.Symbol:
+    """The symbol of that name as all stages after `language` know it."""
+    return sp.Symbol(name, real=True)
+
+
+TIME = symbol("t")
+DISTANCE = symbol("s")
+SPEED = symbol("V(t)")
+SPEED_RATE = symbol("V'(t)")
+
+HALF = sp.Rational(1, 2)
+
+
+class der(sp.Function):
+    """Derivative in time: `der(h)`, `der(h, 2)` of a contact; `der(x)` of a state in an output."""
+
+    is_real = True
+
+    @classmethod
+    def eval(cls, of: sp.Basic, order: sp.Basic | None = None):
+        order = sp.Integer(1) if order is None else order
+        if isinstance(of, der):
+            return cls(of.of, of.order + order)
+        if order == 0:
+            return of
+        return None
+
+    def __new__(cls, of: Any, order: Any = None):
+        if order is None or order == 1:
+            return super().__new__(cls, of)
+        order = sp.sympify(order)
+        if not order.is_Integer or order < 0:
+            raise ModelError(f"the order of a derivative is a whole number, `der({of}, {order})` has {order}")
+        return super().__new__(cls, of, order)
+
+    @property
+    def of(self) -> sp.Expr:
+        """What is differentiated."""
+        return self.args[0]
+
+    @property
+    def order(self) -> int:
+        """How many times."""
+        return int(self.args[1]) if len(self.args) > 1 else 1
+
+
+class ElementCall(sp.Function):
+    """A declared element at arguments: `ElementCall(Str("oleo"), v)`, printed as `oleo(v)`."""
+
+    is_real = True
+
+    @property
+    def name(self) -> str:
+        """Name of the element."""
+        return self.args[0].name
+
+    @property
+    def arguments(self) -> tuple[sp.Expr, ...]:
+        """What it is evaluated at."""
+        return self.args[1:]
+
+    def _sympystr(self, printer: Any) -> str:
+        return f"{self.name}({', '.join(printer._print(a) for a in self.arguments)})"
+
+    def _latex(self, printer: Any, exp: str | None = None) -> str:
+        name = self.name.replace("_", r"\_")
+        body = rf"\operatorname{{{name}}}\left({', '.join(printer._print(a) for a in self.arguments)}\right)"
+        return rf"{body}^{{{exp}}}" if exp is not None else body
+
+
+class Lookup(sp.Function):
+    """A measured curve: `Lookup(z, (z_1, ..), (f_1, ..), "extrapolate"|"hold", "linear"|"monotone")`.
+
+    Between the rows straight lines, or the monotone cubic of Fritsch and Butland (1984, SIAM J. Sci. Stat. Comput. 5, 300);
+    outside, the last piece goes on, or the last value holds.
+    """
+
+    is_real = True
+
+    @property
+    def argument(self) -> sp.Expr:
+        """Where the curve is read."""
+        return self.args[0]
+
+    @property
+    def knots(self) -> tuple[sp.Rational, ...]:
+        """Positions of the rows, increasing."""
+        return tuple(self.args[1])
+
+    @property
+    def values(self) -> tuple[sp.Rational, ...]:
+        """Values of the rows."""
+        return tuple(self.args[2])
+
+    @property
+    def outside(self) -> str:
+        """What happens outside the rows: "extrapolate" or "hold"."""
+        return self.args[3].name
+
+    @property
+    def method(self) -> str:
+        """What happens between the rows: "linear" or "monotone"."""
+        return self.args[4].name
+
+    def as_piecewise(self) -> sp.Expr:
+        """The curve as a Piecewise of polynomials in its argument, one a row interval."""
+        from cadet_sym.language.curve import curve_pieces
+
+        return curve_pieces(self)
+
+    def fdiff(self, argindex: int = 1) -> sp.Expr:
+        """Slope of the curve in its argument."""
+        if argindex != 1:
+            raise ModelError("a measured curve has a slope in its argument only")
+        z = sp.Dummy("z", real=True)
+        return self.func(z, *self.args[1:]).as_piecewise().diff(z).xreplace({z: self.argument})
+
+
+class NamedElement(Str):
+    """The name of an element that still knows its declaration: what calling an `Element` in Python leaves in an expression.
+
+    `Vehicle` collects the declarations and keeps the plain name.
+    """
+
+    __slots__ = ("element",)
+    element: Any
+
+    def __new__(cls, name: str, element: Any):
+        made = Str.__new__(cls, name)
+        made.element = element
+        return made
+
+    def _hashable_content(self) -> tuple[Any, ...]:
+        return (self.name, self.element)
+
+    def __getnewargs__(self) -> tuple[Any, ...]:
+        return (self.name, self.element)
+
+
+# --------------------------------------------------------------------------- constructors without evaluation
+
+
+def relation(kind: type[sp.Rel], left: sp.Expr, right: sp.Expr) -> Boolean:
+    """A comparison; decided if both sides are rational numbers, else only put into one form: `2*z - 1 < 0` is `z < 1/2`."""
+    if left.is_Rational and right.is_Rational:
+        return kind(left, right)
+    raw = kind(left, right, evaluate=False)
+    form = raw.canonical
+    if not isinstance(form, sp.Rel):
+        return form
+    constant, linear = form.lhs.as_coeff_Add(rational=True)
+    scale, lhs = linear.as_coeff_Mul(rational=True)
+    rhs = (form.rhs - constant) / scale
+    func = form.reversed.func if scale < 0 else form.func
+    if lhs.is_Rational and rhs.is_Rational:
+        return func(lhs, rhs)
+    return func(lhs, rhs, evaluate=False)
+
+
+def piecewise(branches: Sequence[tuple[sp.Expr, Any]]) -> sp.Expr:
+    """`A if c else B if d else C` as a Piecewise, flat in its last branch, without the branches that cannot be taken."""
+    flat: list[tuple[sp.Expr, Any]] = []
+    for value, condition in branches:
+        if condition == sp.false:
+            continue
+        if condition == sp.true:
+            if isinstance(value, sp.Piecewise):
+                flat.extend((pair.expr, pair.cond) for pair in value.args)
+            else:
+                flat.append((value, sp.true))
+            break
+        flat.append((value, condition))
+    if not flat or flat[-1][1] != sp.true:
+        raise ModelError("a conditional needs a value for every case: end it with `else` (in SymPy: `(value, True)`)")
+    if len(flat) == 1:
+        return flat[0][0]
+    return sp.Piecewise(*flat, evaluate=False)
+
+
+def extreme(kind: type[sp.Max] | type[sp.Min], arguments: Sequence[sp.Expr]) -> sp.Expr:
+    """Min or Max: flattened, numbers folded into one, nothing else."""
+    flat: set[sp.Expr] = set()
+    numbers: list[sp.Expr] = []
+    for argument in arguments:
+        for part in argument.args if isinstance(argument, kind) else (argument,):
+            (numbers.append if part.is_Rational else flat.add)(part)
+    if numbers:
+        flat.add(max(numbers) if kind is sp.Max else min(numbers))
+    if len(flat) == 1:
+        return flat.pop()
+    return kind(*flat, evaluate=False)
+
+
+def clip(z: sp.Expr, low: sp.Expr, high: sp.Expr) -> sp.Expr:
+    """`z` held between two limits: Min(Max(z, low), high)."""
+    return extreme(sp.Min, [extreme(sp.Max, [z, low]), high])
+
+
+def heaviside(z: sp.Expr) -> sp.Expr:
+    """Unit step, 1/2 at 0."""
+    return sp.Heaviside(z, HALF)
+
+
+# name -> (least, greatest number of arguments, constructor); None: as many as wanted
+FUNCTIONS: dict[str, tuple[int, int | None, Any]] = {
+    "abs": (1, 1, sp.Abs),
+    "sign": (1, 1, sp.sign),
+    "sqrt": (1, 1, sp.sqrt),
+    "exp": (1, 1, sp.exp),
+    "log": (1, 1, sp.log),
+    "sin": (1, 1, sp.sin),
+    "cos": (1, 1, sp.cos),
+    "tan": (1, 1, sp.tan),
+    "asin": (1, 1, sp.asin),
+    "acos": (1, 1, sp.acos),
+    "atan": (1, 1, sp.atan),
+    "atan2": (2, 2, sp.atan2),
+    "sinh": (1, 1, sp.sinh),
+    "cosh": (1, 1, sp.cosh),
+    "tanh": (1, 1, sp.tanh),
+    "erf": (1, 1, sp.erf),
+    "min": (2, None, lambda *z: extreme(sp.Min, z)),
+    "max": (2, None, lambda *z: extreme(sp.Max, z)),
+    "clip": (3, 3, clip),
+    "heaviside": (1, 1, heaviside),
+}
+KEYWORDS = frozenset({"and", "or", "not", "if", "else"})
+RESERVED = frozenset({"t", "s", "pi", "der"})
