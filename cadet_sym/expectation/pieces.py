@@ -1,0 +1,460 @@
+"""Cut a function of one variable at its kinks: a partition of the line with a smooth expression on each cell.
+
+A cell is the set of points above all its lower bounds and below all its upper bounds, where its conditions (on parameters
+only) hold. Bounds may be symbolic and their order unknown; a cell that turns out empty is harmless, for its upper bound
+is then read as equal to its lower one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+import sympy as sp
+from sympy.core.relational import Relational
+from sympy.logic.boolalg import Boolean, BooleanFalse, BooleanTrue
+
+from cadet_sym.errors import LinearisationError
+
+MAX_PIECES = 4096
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Where all lower bounds < z < all upper bounds, and the conditions on the parameters hold."""
+
+    lowers: tuple[sp.Expr, ...] = ()
+    uppers: tuple[sp.Expr, ...] = ()
+    conditions: tuple[Boolean, ...] = ()
+
+    def above(self, bound: sp.Expr) -> Cell | None:
+        """The part of the cell above the bound; None if it is known to be empty."""
+        if any(_known_not_less(bound, upper) for upper in self.uppers):
+            return None
+        return Cell(_tightest(self.lowers, bound, _known_not_less), self.uppers, self.conditions)
+
+    def below(self, bound: sp.Expr) -> Cell | None:
+        """The part of the cell below the bound; None if it is known to be empty."""
+        if any(_known_not_less(lower, bound) for lower in self.lowers):
+            return None
+        return Cell(self.lowers, _tightest(self.uppers, bound, _known_not_greater), self.conditions)
+
+    def where(self, condition: Boolean) -> Cell | None:
+        """The cell under one more condition on the parameters; None if it can never hold."""
+        if isinstance(condition, BooleanFalse) or sp.Not(condition) in self.conditions:
+            return None
+        if isinstance(condition, BooleanTrue) or condition in self.conditions:
+            return self
+        return Cell(self.lowers, self.uppers, (*self.conditions, condition))
+
+    @property
+    def lower(self) -> sp.Expr:
+        """The largest lower bound."""
+        return _extreme(self.lowers, sp.Max, sp.S.NegativeInfinity)
+
+    @property
+    def upper(self) -> sp.Expr:
+        """The smallest upper bound, but no smaller than the largest lower one."""
+        upper = _extreme(self.uppers, sp.Min, sp.S.Infinity)
+        if (
+            not self.lowers
+            or not self.uppers
+            or (len(self.lowers) == 1 == len(self.uppers) and _known_not_less(upper, self.lower))
+        ):
+            return upper
+        return sp.Max(self.lower, upper)
+
+
+Partition = list[tuple[Cell, sp.Expr]]
+
+
+def _sign_of(difference: sp.Expr) -> int | None:
+    """Sign of an expression free of the variable, if it is known."""
+    if difference.is_zero:
+        return 0
+    if difference.is_positive:
+        return 1
+    if difference.is_negative:
+        return -1
+    return None
+
+
+def _known_not_less(a: sp.Expr, b: sp.Expr) -> bool:
+    if a == b:
+        return True
+    if a.is_Rational and b.is_Rational:
+        return bool(a >= b)
+    difference = a - b
+    return bool(difference.is_nonnegative)
+
+
+def _known_not_greater(a: sp.Expr, b: sp.Expr) -> bool:
+    return _known_not_less(b, a)
+
+
+def _tightest(
+    bounds: tuple[sp.Expr, ...], bound: sp.Expr, tighter: Callable[[sp.Expr, sp.Expr], bool]
+) -> tuple[sp.Expr, ...]:
+    if any(tighter(other, bound) for other in bounds):
+        return bounds
+    return (*(other for other in bounds if not tighter(bound, other)), bound)
+
+
+def _extreme(bounds: tuple[sp.Expr, ...], choose: Callable[..., sp.Expr], none: sp.Expr) -> sp.Expr:
+    if not bounds:
+        return none
+    return bounds[0] if len(bounds) == 1 else choose(*bounds)
+
+
+@dataclass
+class _Splitter:
+    """Cuts expressions in one variable; one method a kind of expression."""
+
+    z: sp.Symbol
+    where: str
+    solved: dict[tuple[sp.Expr, Cell], list[tuple[Cell, int]]] = field(default_factory=dict)
+
+    # -- values ---------------------------------------------------------------------------------------------------
+
+    def split(self, expr: sp.Expr, cell: Cell) -> Partition:
+        """Cells that fill the given one, with the smooth expression on each."""
+        if not expr.has(self.z) or not _has_kinks(expr, self.z):
+            return [(cell, expr)]
+        for kind, rule in _RULES.items():
+            if isinstance(expr, kind):
+                pieces = rule(self, expr, cell)
+                break
+        else:
+            pieces = self._through(expr, cell)
+        if len(pieces) > MAX_PIECES:
+            raise LinearisationError(
+                f"{self.where}: more than {MAX_PIECES} pieces; simplify the nested conditions"
+            )
+        return pieces
+
+    def _through(self, expr: sp.Expr, cell: Cell) -> Partition:
+        """A smooth function of several expressions with kinks: the common refinement of their partitions."""
+        smooth = [a for a in expr.args if not _has_kinks(a, self.z)]
+        kinked = [a for a in expr.args if _has_kinks(a, self.z)]
+        if not kinked:
+            raise LinearisationError(
+                f"{self.where}: there is no rule for `{expr.func.__name__}` in `{expr}`; "
+                "write it with abs, sign, min, max or a conditional"
+            )
+        parts: list[tuple[Cell, tuple[sp.Expr, ...]]] = [(cell, ())]
+        for argument in kinked:
+            parts = [
+                (inner, (*done, value))
+                for outer, done in parts
+                for inner, value in self.split(argument, outer)
+            ]
+        if isinstance(expr, (sp.Add, sp.Mul)):
+            return [(c, expr.func(*smooth, *values)) for c, values in parts]
+        index = {a: i for i, a in enumerate(kinked)}
+        return [
+            (c, expr.func(*(values[index[a]] if a in index else a for a in expr.args))) for c, values in parts
+        ]
+
+    def _abs(self, expr: sp.Expr, cell: Cell) -> Partition:
+        return [
+            (c, value * sign)
+            for outer, value in self.split(expr.args[0], cell)
+            for c, sign in self.signs(value, outer)
+        ]
+
+    def _sign(self, expr: sp.Expr, cell: Cell) -> Partition:
+        return [
+            (c, sp.Integer(sign))
+            for outer, value in self.split(expr.args[0], cell)
+            for c, sign in self.signs(value, outer)
+        ]
+
+    def _heaviside(self, expr: sp.Expr, cell: Cell) -> Partition:
+        return [
+            (c, sp.Rational(1 + sign, 2))
+            for outer, value in self.split(expr.args[0], cell)
+            for c, sign in self.signs(value, outer)
+        ]
+
+    def _extremum(self, expr: sp.Expr, cell: Cell) -> Partition:
+        keep = 1 if isinstance(expr, sp.Max) else -1
+        arguments = sorted(expr.args, key=lambda a: a.has(self.z))
+        pieces = self.split(arguments[0], cell)
+        for argument in arguments[1:]:
+            pieces = [
+                (c, value if sign == keep else best)
+                for outer, best in pieces
+                for middle, value in self.split(argument, outer)
+                for c, sign in self.signs(value - best, middle)
+            ]
+        return pieces
+
+    def _piecewise(self, expr: sp.Expr, cell: Cell) -> Partition:
+        pieces: Partition = []
+        left = [cell]
+        for value, condition in expr.args:
+            outside: list[Cell] = []
+            for part in left:
+                for c, holds in self.region(condition, part):
+                    if holds:
+                        pieces.extend(self.split(value, c))
+                    else:
+                        outside.append(c)
+            left = outside
+        if left:
+            raise LinearisationError(
+                f"{self.where}: the conditional `{expr}` has no value for some {self.z}; "
+                "give it a last branch that holds otherwise"
+            )
+        return pieces
+
+    # -- conditions -----------------------------------------------------------------------------------------------
+
+    def region(self, condition: Boolean, cell: Cell) -> Iterator[tuple[Cell, bool]]:
+        """Cells that fill the given one, with whether the condition holds there (points apart)."""
+        if isinstance(condition, (BooleanTrue, BooleanFalse)):
+            yield cell, bool(condition)
+        elif not condition.has(self.z):
+            for truth in (True, False):
+                part = cell.where(condition if truth else sp.Not(condition))
+                if part is not None:
+                    yield part, truth
+        elif isinstance(condition, sp.Not):
+            for c, holds in self.region(condition.args[0], cell):
+                yield c, not holds
+        elif isinstance(condition, (sp.And, sp.Or)):
+            deciding = isinstance(condition, sp.Or)
+            first, rest = condition.args[0], condition.func(*condition.args[1:])
+            for c, holds in self.region(first, cell):
+                if holds is deciding:
+                    yield c, deciding
+                else:
+                    yield from self.region(rest, c)
+        elif isinstance(condition, (sp.Eq, sp.Ne)):
+            yield from (
+                (c, isinstance(condition, sp.Ne)) for c, sign in self._relation_signs(condition, cell)
+            )
+        elif isinstance(condition, Relational):
+            keep = 1 if isinstance(condition, (sp.Gt, sp.Ge)) else -1
+            yield from ((c, sign == keep) for c, sign in self._relation_signs(condition, cell))
+        else:
+            raise LinearisationError(f"{self.where}: the condition `{condition}` is not a comparison")
+
+    def _relation_signs(self, relation: Relational, cell: Cell) -> Iterator[tuple[Cell, int]]:
+        for outer, value in self.split(relation.args[0] - relation.args[1], cell):
+            yield from self.signs(value, outer)
+
+    def signs(self, expr: sp.Expr, cell: Cell) -> list[tuple[Cell, int]]:
+        """Cells that fill the given one, with the sign of a smooth expression there (zeros apart)."""
+        key = (expr, cell)
+        if key not in self.solved:
+            self.solved[key] = list(self._signs(expr, cell))
+        return self.solved[key]
+
+    def _signs(self, expr: sp.Expr, cell: Cell) -> Iterator[tuple[Cell, int]]:
+        if not expr.has(self.z):
+            yield from self._constant_signs(expr, cell)
+            return
+        if expr.is_positive or expr.is_negative:
+            yield cell, 1 if expr.is_positive else -1
+            return
+        affine = _affine(expr, self.z)
+        if affine is not None:
+            yield from self._affine_signs(*affine, cell)
+            return
+        factors = _factors(expr, self.z)
+        if len(factors) > 1:
+            yield from self._product_signs(factors, cell)
+            return
+        yield from self._irreducible_signs(factors[0], cell)
+
+    def _constant_signs(self, expr: sp.Expr, cell: Cell) -> Iterator[tuple[Cell, int]]:
+        sign = _sign_of(expr)
+        if sign is not None:
+            yield cell, sign
+            return
+        for condition, sign in ((sp.Gt(expr, 0), 1), (sp.Lt(expr, 0), -1), (sp.Eq(expr, 0), 0)):
+            part = cell.where(condition)
+            if part is not None:
+                yield part, sign
+
+    def _affine_signs(self, slope: sp.Expr, offset: sp.Expr, cell: Cell) -> Iterator[tuple[Cell, int]]:
+        root = -offset / slope
+        for part, direction in self._constant_signs(slope, cell):
+            if direction == 0:
+                yield from self._constant_signs(offset, part)
+                continue
+            for c, sign in ((part.above(root), direction), (part.below(root), -direction)):
+                if c is not None:
+                    yield c, sign
+
+    def _product_signs(self, factors: list[sp.Expr], cell: Cell) -> Iterator[tuple[Cell, int]]:
+        parts = [(cell, 1)]
+        for factor in factors:
+            parts = [(c, sign * s) for outer, sign in parts for c, s in self.signs(factor, outer)]
+        yield from parts
+
+    def _irreducible_signs(self, expr: sp.Expr, cell: Cell) -> Iterator[tuple[Cell, int]]:
+        inverse = _inverted(expr, self.z)
+        if inverse is not None:
+            yield from self.signs(inverse, cell)
+            return
+        if not expr.is_polynomial(self.z):
+            raise LinearisationError(
+                f"{self.where}: cannot find where `{expr}` changes sign; "
+                "compare an expression linear in the argument, or a polynomial, instead"
+            )
+        polynomial = sp.Poly(expr, self.z)
+        if polynomial.degree() == 2:
+            yield from self._quadratic_signs(polynomial, cell)
+            return
+        if not all(c.is_number for c in polynomial.all_coeffs()):
+            raise LinearisationError(
+                f"{self.where}: cannot find where `{expr}` changes sign for unknown parameters; "
+                "write it in factors, or give the parameters their numbers"
+            )
+        yield from self._between(
+            [sp.Rational(str(r)) if not r.is_Rational else r for r in _real_roots(polynomial)],
+            polynomial,
+            cell,
+        )
+
+    def _between(self, roots: list[sp.Expr], polynomial: sp.Poly, cell: Cell) -> Iterator[tuple[Cell, int]]:
+        """Signs between sorted numeric roots of odd order."""
+        sign = int(sp.sign(polynomial.LC())) * (-1) ** polynomial.degree()
+        bounds = [None, *roots, None]
+        for low, high in zip(bounds[:-1], bounds[1:], strict=True):
+            part = cell if low is None else cell.above(low)
+            part = part if high is None or part is None else part.below(high)
+            if part is not None:
+                yield part, sign
+            sign = -sign
+
+    def _quadratic_signs(self, polynomial: sp.Poly, cell: Cell) -> Iterator[tuple[Cell, int]]:
+        a, b, c = polynomial.all_coeffs()
+        discriminant = sp.expand(b**2 - 4 * a * c)
+        for part, real in self._constant_signs(discriminant, cell):
+            for inner, lead in self._constant_signs(a, part):
+                if lead == 0:
+                    yield from self.signs(b * self.z + c, inner)
+                elif real <= 0:
+                    yield inner, lead
+                else:
+                    half, centre = lead * sp.sqrt(discriminant) / (2 * a), -b / (2 * a)
+                    low, high = inner.below(centre - half), inner.above(centre + half)
+                    middle = inner.above(centre - half)
+                    middle = middle.below(centre + half) if middle is not None else None
+                    for region, sign in ((low, lead), (middle, -lead), (high, lead)):
+                        if region is not None:
+                            yield region, sign
+
+
+_RULES: dict[type, Callable[[_Splitter, sp.Expr, Cell], Partition]] = {
+    sp.Abs: _Splitter._abs,
+    sp.sign: _Splitter._sign,
+    sp.Heaviside: _Splitter._heaviside,
+    sp.Max: _Splitter._extremum,
+    sp.Min: _Splitter._extremum,
+    sp.Piecewise: _Splitter._piecewise,
+}
+_KINKED = tuple(_RULES)
+
+
+def _has_kinks(expr: sp.Expr, z: sp.Symbol) -> bool:
+    return any(node.has(z) for node in expr.atoms(*_KINKED))
+
+
+def _affine(expr: sp.Expr, z: sp.Symbol) -> tuple[sp.Expr, sp.Expr] | None:
+    """Slope and offset of an expression affine in z."""
+    if not expr.is_polynomial(z):
+        return None
+    polynomial = sp.Poly(expr, z)
+    if polynomial.degree() > 1:
+        return None
+    return polynomial.coeff_monomial(z), polynomial.coeff_monomial(1)
+
+
+def _factors(expr: sp.Expr, z: sp.Symbol) -> list[sp.Expr]:
+    """Factors whose product has the sign of the expression: odd powers once, even powers left out."""
+    constant, factors = sp.factor_list(expr) if expr.is_polynomial(z) else (sp.S.One, _literal_factors(expr))
+    odd = [
+        base
+        for base, power in factors
+        if not (power.is_even if isinstance(power, sp.Basic) else power % 2 == 0)
+    ]
+    return [constant, *odd] if constant != 1 and odd else odd or [constant]
+
+
+def _literal_factors(expr: sp.Expr) -> list[tuple[sp.Expr, sp.Expr]]:
+    factors = [factor.as_base_exp() for factor in sp.Mul.make_args(expr)]
+    return [(b, e) if e.is_integer else (sp.Pow(b, e), sp.S.One) for b, e in factors]
+
+
+_MONOTONE: dict[type, Callable[[sp.Expr], sp.Expr]] = {
+    sp.exp: sp.log,
+    sp.log: sp.exp,
+    sp.tanh: sp.atanh,
+    sp.sinh: sp.asinh,
+    sp.atan: sp.tan,
+    sp.erf: sp.erfinv,
+}
+
+
+def _inverted(expr: sp.Expr, z: sp.Symbol) -> sp.Expr | None:
+    """For g(w) - c with g increasing: an expression with the same sign, w - g^-1(c)."""
+    level, rest = expr.as_independent(z, as_Add=True)
+    scale, core = rest.as_independent(z, as_Add=False)
+    inverse = _MONOTONE.get(type(core))
+    if inverse is None:
+        return None
+    value = -level / scale
+    if not value.is_number:
+        return scale * core.args[0] if level == 0 and core.func(0) == 0 else None
+    lowest, highest = core.func(sp.S.NegativeInfinity), core.func(sp.S.Infinity)
+    if lowest.is_real and value <= lowest or isinstance(core, sp.exp) and value <= 0:
+        return scale
+    if highest.is_real and value >= highest:
+        return -scale
+    return scale * (core.args[0] - inverse(value))
+
+
+def _real_roots(polynomial: sp.Poly) -> list[sp.Expr]:
+    """Numeric real roots of odd order, sorted."""
+    roots: list[sp.Expr] = []
+    for factor, power in polynomial.sqf_list()[1]:
+        if power % 2:
+            roots.extend(sp.N(r, 30) for r in factor.real_roots())
+    return sorted(roots, key=lambda r: float(r) if math.isfinite(float(r)) else 0.0)
+
+
+def split(body: sp.Expr, z: sp.Symbol, where: str) -> Partition:
+    """Cut a function at its kinks: cells that fill the line (sums apart, which may overlap), each with a smooth expression.
+
+    Parameters
+    ----------
+    body : the function, an expression in z and parameters.
+    z : its argument.
+    where : what to call the function in an error.
+
+    Returns
+    -------
+    Cells and the smooth expression on each. The cells of different terms of a sum overlap: the function is the sum over
+    all cells of the expression times the indicator of the cell.
+
+    Raises
+    ------
+    LinearisationError
+        If a condition cannot be solved for z.
+    """
+    splitter = _Splitter(z, where)
+    smooth: list[sp.Expr] = []
+    pieces: Partition = []
+    for term in sp.Add.make_args(body):
+        if _has_kinks(term, z):
+            pieces.extend(splitter.split(term, Cell()))
+        else:
+            smooth.append(term)
+    if smooth:
+        pieces.append((Cell(), sp.Add(*smooth)))
+    return [(cell, value) for cell, value in pieces if value != 0]

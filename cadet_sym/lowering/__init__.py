@@ -1,0 +1,1 @@
+"""From SymPy to CasADi: the only place that knows both."""
