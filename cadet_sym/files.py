@@ -12,14 +12,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cadet_sym.errors import ExportError
+from cadet_sym.errors import ExportError, ModelError
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["DATA_SUFFIXES", "check_target", "save_as", "whole_file"]
+__all__ = ["DATA_SUFFIXES", "FIGURE_SUFFIXES", "check_target", "save_as", "whole_file"]
 
 DATA_SUFFIXES = (".nc", ".csv", ".mat")
+FIGURE_SUFFIXES = (".png", ".pdf", ".svg")
 
 
 def check_target(path: str | Path, suffixes: Sequence[str]) -> Path:
@@ -27,13 +28,15 @@ def check_target(path: str | Path, suffixes: Sequence[str]) -> Path:
 
     Raises
     ------
+    ModelError
+        The suffix is not one of ``suffixes``.
     ExportError
-        The suffix is not one of ``suffixes``, the path is a folder, or its folder cannot be written to.
+        The path is a folder, or its folder cannot be written to.
     """
     target = Path(path)
     if target.suffix.lower() not in suffixes:
         found = f"the suffix `{target.suffix}`" if target.suffix else "no suffix"
-        raise ExportError(f"cannot write `{target}`: found {found}; end the name in {' or '.join(suffixes)}")
+        raise ModelError(f"cannot write `{target}`: found {found}; end the name in {' or '.join(suffixes)}")
     if target.is_dir():
         raise ExportError(f"cannot write `{target}`: it is a folder; give the name of a file")
     folder = target.parent
@@ -54,8 +57,10 @@ def whole_file(path: str | Path, suffixes: Sequence[str]) -> Iterator[Path]:
 
     Raises
     ------
+    ModelError
+        The suffix is not one of ``suffixes``.
     ExportError
-        The file cannot be written: unknown suffix, no permission, disk full.
+        The file cannot be written: no permission, disk full.
     """
     target = check_target(path, suffixes)
     temporary = target.with_name(f".{target.stem}.{secrets.token_hex(4)}{target.suffix}")

@@ -26,6 +26,7 @@ __all__ = [
     "StationaryMoments",
     "StationarySolutions",
     "StationarySweep",
+    "provenance_line",
 ]
 
 
@@ -162,8 +163,10 @@ class MomentHistory(_Moments):
 
         Raises
         ------
+        ModelError
+            Unknown suffix.
         ExportError
-            Unknown suffix, or a folder that cannot be written to.
+            A folder that cannot be written to.
         """
         return save_as(path, self.to_xarray, lambda: {"time": self.time, **self.columns()})
 
@@ -174,7 +177,7 @@ class MomentHistory(_Moments):
         if not k:
             return title
         header = [f"t = {self.time[-1]:g}", "mean", "variance", "std"]
-        return "\n".join([title, *aligned(header, self._last_rows()), _how(self.provenance)])
+        return "\n".join([title, *aligned(header, self._last_rows()), provenance_line(self.provenance)])
 
     def _last_rows(self) -> list[list[str]]:
         names = (*self.outputs, *self.states)
@@ -186,7 +189,7 @@ class MomentHistory(_Moments):
     def _repr_html_(self) -> str:
         title = f"Moments of {self.model}, at the end of {len(self.time)} times"
         rows = self._last_rows() if len(self.time) else []
-        return html(title, ["", "mean", "variance", "std"], rows, _how(self.provenance))
+        return html(title, ["", "mean", "variance", "std"], rows, provenance_line(self.provenance))
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,12 +240,14 @@ class StationaryMoments(_Moments):
         }
 
     def __str__(self) -> str:
-        title = f"Stationary moments of {self.model}: {self._verdict()}"
+        title = f"Stationary moments of {self.model}: {self.judgement}"
         lines = aligned(["", "mean", "variance", "std"], self._rows())
         drift = [f"drifting, without stationary moments: {', '.join(self.drifting)}"] if self.drifting else []
-        return "\n".join([title, *lines, *drift, _how(self.provenance)])
+        return "\n".join([title, *lines, *drift, provenance_line(self.provenance)])
 
-    def _verdict(self) -> str:
+    @property
+    def judgement(self) -> str:
+        """Stability and residual in words."""
         return f"{'stable' if self.stable else 'unstable'}, residual {self.residual:.1e}"
 
     def _rows(self) -> list[list[str]]:
@@ -253,8 +258,8 @@ class StationaryMoments(_Moments):
         ]
 
     def _repr_html_(self) -> str:
-        title = f"Stationary moments of {self.model}, {self._verdict()}"
-        return html(title, ["", "mean", "variance", "std"], self._rows(), _how(self.provenance))
+        title = f"Stationary moments of {self.model}, {self.judgement}"
+        return html(title, ["", "mean", "variance", "std"], self._rows(), provenance_line(self.provenance))
 
 
 @dataclass(frozen=True, eq=False)
@@ -391,7 +396,8 @@ def _freeze(record: Any, name: str, shape: tuple[int, ...]) -> None:
     object.__setattr__(record, name, array)
 
 
-def _how(provenance: Provenance) -> str:
+def provenance_line(provenance: Provenance) -> str:
+    """How a result was obtained, on one line."""
     parts = [provenance.engine, f"rtol {provenance.rtol:g}".replace("e-0", "e-")]
     if "seconds" in provenance.statistics:
         parts.append(f"{provenance.statistics['seconds']:.3g} s")

@@ -1,0 +1,307 @@
+"""The command line: ``cadet-sym COMMAND MODEL``. What a command does not need is not imported."""
+
+from __future__ import annotations
+
+import json
+import sys
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, redirect_stdout
+from functools import partial
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import typer
+
+import cadet_sym as cs
+from cadet_sym.arguments import one_set_each, parse_setting, parse_sweep, parse_times
+from cadet_sym.errors import CadetError, ModelError, SolverError
+from cadet_sym.files import DATA_SUFFIXES, FIGURE_SUFFIXES, check_target
+from cadet_sym.results import StationarySolutions, StationarySweep
+
+if TYPE_CHECKING:
+    from cadet_sym.compiled import CompiledModel
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+)
+
+ModelPath = Annotated[Path, typer.Argument(metavar="MODEL", help="The model file (TOML).")]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE ...", help="Give a parameter another value."),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+Save = Annotated[Path | None, typer.Option(metavar="FILE", help="Write the moments: .nc, .csv or .mat.")]
+Plot = Annotated[Path | None, typer.Option(metavar="FILE", help="Draw a figure: .png, .pdf or .svg.")]
+Duration = Annotated[float | None, typer.Option(metavar="T", help="Length of the run.")]
+Points = Annotated[int | None, typer.Option(metavar="N", help="Output times, both ends.")]
+RelativeTolerance = Annotated[float | None, typer.Option("--rtol", metavar="R", help="Relative tolerance.")]
+
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        print(cs.__version__)
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    debug: Annotated[bool, typer.Option(help="On an error show where in the program it arose.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Random vibration of nonlinear systems: a model file goes in, means and covariances come out."""
+
+
+@app.command()
+def moments(
+    model: ModelPath,
+    settings: Settings = None,
+    duration: Duration = None,
+    points: Points = None,
+    times: Annotated[str | None, typer.Option(metavar="T1,T2,...", help="Output times instead.")] = None,
+    rtol: RelativeTolerance = None,
+    as_json: Json = False,
+    save: Save = None,
+    plot: Plot = None,
+) -> None:
+    """Propagate mean and covariance over the model's run."""
+    _check_targets((save, DATA_SUFFIXES), (plot, FIGURE_SUFFIXES))
+    grid = None if times is None else parse_times(times)
+    if grid is not None and (duration is not None or points is not None):
+        raise ModelError("--times gives all output times; leave out --duration and --points, or --times")
+    with _computing():
+        compiled = cs.compile(_load(model, settings))
+        history = compiled.propagate(grid, duration=duration, points=points, rtol=rtol)
+        if save:
+            history.save(save)
+        if plot:
+            from cadet_sym.plotting import moments_figure, save_figure
+
+            save_figure(moments_figure(history), plot)
+    if as_json:
+        _print_json(history.to_dict())
+    else:
+        from cadet_sym.report.terminal import print_history
+
+        print_history(history)
+        _print_written(save, plot)
+
+
+@app.command()
+def stationary(
+    model: ModelPath,
+    settings: Settings = None,
+    speed: Annotated[float | None, typer.Option(metavar="V", help="Speed; V(0) if not given.")] = None,
+    at: Annotated[float | None, typer.Option(metavar="T", help="Freeze explicit time at T.")] = None,
+    every: Annotated[
+        bool, typer.Option("--all", help="Search for every solution, unstable ones too.")
+    ] = False,
+    sweep: Annotated[
+        str | None,
+        typer.Option(metavar="NAME=LO:HI:N", help="Repeat for N values of a parameter."),
+    ] = None,
+    as_json: Json = False,
+    save: Save = None,
+    plot: Plot = None,
+) -> None:
+    """Find the stationary mean and covariance."""
+    _check_targets((save, DATA_SUFFIXES), (plot, FIGURE_SUFFIXES))
+    if plot and not sweep:
+        raise ModelError("--plot draws stationary moments along a parameter; add --sweep NAME=LO:HI:N")
+    with _computing():
+        compiled = cs.compile(_load(model, settings))
+        search = partial(_solutions, compiled, speed=speed, at=at, every=every)
+        found = _sweep(search, *parse_sweep(sweep)) if sweep else search()
+        if save:
+            found.save(save)
+        if plot and isinstance(found, StationarySweep):
+            from cadet_sym.plotting import save_figure, sweep_figure
+
+            unit = compiled.model.parameters[found.parameter].unit
+            save_figure(sweep_figure(found, unit=unit), plot)
+    if as_json:
+        _print_json(found.to_dict())
+    else:
+        from cadet_sym.report import terminal
+
+        printer = terminal.print_sweep if sweep else terminal.print_stationary
+        printer(found)
+        _print_written(save, plot)
+
+
+@app.command()
+def validate(
+    model: ModelPath,
+    settings: Settings = None,
+    paths: Annotated[int, typer.Option(metavar="N", help="Realisations to simulate.")] = 2000,
+    seed: Annotated[int, typer.Option(metavar="N", help="The same seed gives the same paths.")] = 0,
+    as_json: Json = False,
+    plot: Plot = None,
+) -> None:
+    """Set the moments against a Monte Carlo simulation of the original nonlinear model."""
+    _check_targets((plot, FIGURE_SUFFIXES))
+    watch = _Stopwatch()
+    with _computing():
+        declared = _load(model, settings)
+        compiled = cs.compile(declared)
+        watch.lap("compiling")
+        history = compiled.propagate()
+        watch.lap("CADET")
+        with _progress(paths) as advance:
+            simulation = cs.simulate(declared, paths=paths, seed=seed, progress=advance)
+        watch.lap("simulation")
+        comparison = cs.compare(history, simulation)
+        if plot:
+            comparison.plot(plot)
+            watch.lap("figure")
+    if as_json:
+        _print_json(comparison.to_dict())
+    else:
+        from cadet_sym.report.terminal import print_comparison
+
+        print_comparison(comparison, watch.laps)
+        _print_written(plot)
+
+
+@app.command()
+def show(
+    model: ModelPath,
+    settings: Settings = None,
+    latex: Annotated[bool, typer.Option("--latex", help="Print LaTeX.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Print the augmented equations, the describing functions and how each was obtained."""
+    from cadet_sym.report.listing import Listing
+
+    with _computing():
+        listing = Listing(cs.moment_equations(cs.linearise(cs.augment(_load(model, settings)))))
+        content = listing.to_dict() if as_json else None
+        text = listing.latex() if latex else "\n".join(listing.lines())
+    if content is not None:
+        _print_json(content)
+    else:
+        print(text)
+
+
+@app.command()
+def export(
+    model: ModelPath,
+    to: Annotated[Path, typer.Option(metavar="DIRECTORY", help="The folder to write to.")],
+    settings: Settings = None,
+) -> None:
+    """Write the compiled equations as C."""
+    with _computing():
+        written = cs.compile(_load(model, settings)).export_c(to)
+    print(written)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; returns 0, or 1 for a numerical failure, or 2 for a wrong model or arguments."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    debug = "--debug" in words
+    words = ["--debug"] * debug + one_set_each(word for word in words if word != "--debug")
+    warnings.showwarning = _show_warning
+    try:
+        return app(words, prog_name="cadet-sym", standalone_mode=False) or 0
+    except typer.Abort:
+        return _fail("stopped", 130)
+    except CadetError as error:
+        if debug:
+            raise
+        return _fail("\n".join([str(error), *getattr(error, "__notes__", ())]), error.exit_status)
+    except typer.TyperException as error:  # a wrong option
+        return _fail(f"{error.format_message()} See `cadet-sym --help`.", 2)
+    except Exception as error:
+        if debug:
+            raise
+        kind = type(error).__name__
+        return _fail(f"unexpected {kind}: {error}; this is a fault of cadet-sym: run again with --debug", 1)
+
+
+def _load(path: Path, settings: Iterable[str] | None) -> cs.Model:
+    """The model in a file, with the parameters of ``--set`` in place."""
+    model = cs.load(path)
+    values = dict(parse_setting(setting) for setting in settings or ())
+    return model.with_parameters(values) if values else model
+
+
+def _solutions(
+    compiled: CompiledModel,
+    *,
+    every: bool,
+    parameters: Mapping[str, float] | None = None,
+    **held: float | None,
+) -> StationarySolutions:
+    found = compiled.stationary(all=every, parameters=parameters, **held)
+    return found if isinstance(found, StationarySolutions) else StationarySolutions((found,))
+
+
+def _sweep(
+    search: Callable[..., StationarySolutions], parameter: str, values: Sequence[float]
+) -> StationarySweep:
+    """Search at every value; a value without a solution is reported and leaves an empty place."""
+    rows, failures = [], {}
+    for value in values:
+        try:
+            rows.append(tuple(search(parameters={parameter: float(value)})))
+        except SolverError as error:
+            failures[float(value)] = str(error)
+            rows.append(())
+    if not any(rows):
+        raise SolverError(f"no stationary solution at any value of {parameter}: {failures[float(values[0])]}")
+    for value, reason in failures.items():
+        warnings.warn(f"{parameter} = {value:g}: {reason}", stacklevel=2)
+    model = next(row[0].model for row in rows if row)
+    return StationarySweep(model, parameter, np.asarray(values), tuple(rows), failures)
+
+
+class _Stopwatch:
+    """The seconds that each part of a command took."""
+
+    def __init__(self) -> None:
+        self.laps: dict[str, float] = {}
+        self._last = perf_counter()
+
+    def lap(self, part: str) -> None:
+        now = perf_counter()
+        self.laps[part], self._last = now - self._last, now
+
+
+def _print_written(*files: Path | None) -> None:
+    for file in files:
+        if file is not None:
+            print(f"Wrote {file}")
+
+
+def _check_targets(*targets: tuple[Path | None, Sequence[str]]) -> None:
+    """Refuse a file that cannot be written before anything is computed."""
+    for target, suffixes in targets:
+        if target is not None:
+            check_target(target, suffixes)
+
+
+@contextmanager
+def _computing() -> Iterator[None]:
+    """Keep standard output for the result: whatever a library prints goes to standard error."""
+    with redirect_stdout(sys.stderr):
+        yield
+
+
+def _print_json(content: Mapping[str, Any]) -> None:
+    print(json.dumps(content, allow_nan=False))
+
+
+def _fail(message: str, status: int) -> int:
+    print(f"cadet-sym: {message}", file=sys.stderr)
+    return status
+
+
+def _show_warning(message: Warning | str, category: type[Warning], *where: object, **more: object) -> None:
+    print(f"cadet-sym: warning: {message}", file=sys.stderr)

@@ -1,0 +1,157 @@
+"""Draw moments as the paper draws them: CADET a smooth line, the simulation points with 99 % limits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cadet_sym.files import FIGURE_SUFFIXES, whole_file
+from cadet_sym.results import MomentHistory, StationarySweep
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["moments_figure", "save_figure", "sweep_figure"]
+
+LINE, POINTS, FAINT = "#14446e", "#c8541b", "#d9d9d9"
+
+STYLE: Any = {
+    "font.family": "serif",
+    "mathtext.fontset": "dejavuserif",
+    "font.size": 9,
+    "axes.labelsize": 9,
+    "axes.titlesize": 9.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.7,
+    "axes.grid": True,
+    "grid.color": FAINT,
+    "grid.linewidth": 0.4,
+    "axes.axisbelow": True,
+    "xtick.direction": "in",
+    "ytick.direction": "in",
+    "legend.frameon": False,
+    "lines.linewidth": 1.4,
+    "svg.fonttype": "none",
+    "pdf.fonttype": 42,
+}
+
+ROW_HEIGHT, WIDTH = 2.3, 7.0  # inches; the width of a page's text
+MOST_POINTS = 26  # of the simulation, drawn along a run
+
+
+def moments_figure(history: MomentHistory, simulation: Any = None, names: Sequence[str] = ()) -> Figure:
+    """Mean and variance of each of ``names`` against time, and the simulation's beside them if there is one.
+
+    Parameters
+    ----------
+    history : the moments by CADET, drawn as lines.
+    simulation : an ``Ensemble`` of the same model: points, with 99 % limits as bars.
+    names : outputs or states, a row of panels each; the model's outputs, or its states if it has none.
+    """
+    rows = tuple(names) or history.outputs or history.states
+    with _style():
+        figure, panels = _panels(rows, "time  t")
+        for name, (left, right) in zip(rows, panels, strict=True):
+            for axes, moment in ((left, "mean"), (right, "variance")):
+                axes.plot(history.time, getattr(history, moment)[name], color=LINE, label="CADET", zorder=3)
+                if simulation is not None:
+                    _draw_simulation(axes, simulation, name, moment)
+                axes.set_xlim(history.time[0], history.time[-1])
+        if simulation is not None:
+            panels[0, 0].legend(loc="best")
+        figure.suptitle(history.model, fontsize=10.5)
+    return figure
+
+
+def sweep_figure(sweep: StationarySweep, names: Sequence[str] = (), unit: str = "") -> Figure:
+    """Stationary mean and variance of each of ``names`` against the swept parameter; unstable ones hollow."""
+    found = sweep.found
+    rows = tuple(names) or found[0].outputs or found[0].states
+    stable = np.array([each.stable for each in found])
+    with _style():
+        figure, panels = _panels(rows, f"{sweep.parameter} ({unit})" if unit else sweep.parameter)
+        for name, pair in zip(rows, panels, strict=True):
+            for axes, moment in zip(pair, ("mean", "variance"), strict=True):
+                values = np.array([getattr(each, moment)[name] for each in found])
+                _draw_branches(
+                    axes, sweep.values_found, values, stable, joined=len(found) == len(sweep.values)
+                )
+        if not stable.all():
+            panels[0, 0].legend(loc="best")
+        figure.suptitle(f"{sweep.model}: stationary moments", fontsize=10.5)
+    return figure
+
+
+def save_figure(figure: Figure, path: str | Path) -> Path:
+    """Write a figure as .png, .pdf or .svg, by the suffix; whole or not at all.
+
+    Raises
+    ------
+    ModelError
+        Unknown suffix.
+    ExportError
+        A folder that cannot be written to.
+    """
+    with whole_file(path, FIGURE_SUFFIXES) as temporary, _style():
+        figure.savefig(temporary, dpi=200)
+    return Path(path)
+
+
+def _style() -> Any:
+    from matplotlib import rc_context
+
+    return rc_context(STYLE)
+
+
+def _panels(rows: Sequence[str], horizontal: str) -> tuple[Figure, Any]:
+    """One row of panels a name: its mean on the left, its variance on the right."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, 0.5 + ROW_HEIGHT * len(rows)), layout="constrained")
+    FigureCanvasAgg(figure)
+    panels = figure.subplots(len(rows), 2, squeeze=False, sharex=True)
+    for name, (left, right) in zip(rows, panels, strict=True):
+        left.set_ylabel(f"mean of {_printed(name)}")
+        right.set_ylabel(f"variance of {_printed(name)}")
+    for axes in panels[-1]:
+        axes.set_xlabel(horizontal)
+    return figure, panels
+
+
+def _draw_simulation(axes: Axes, simulation: Any, name: str, moment: str) -> None:
+    time = np.asarray(simulation.time)
+    shown = np.unique(np.linspace(0, len(time) - 1, min(MOST_POINTS, len(time))).round().astype(int))
+    axes.errorbar(
+        time[shown],
+        np.asarray(getattr(simulation, moment)[name])[shown],
+        yerr=np.asarray(simulation.limit(moment)[name])[shown],
+        fmt="o",
+        markersize=3,
+        color=POINTS,
+        elinewidth=0.9,
+        capsize=1.8,
+        label=f"simulation, {simulation.paths} paths, 99 % limits",
+        zorder=2,
+    )
+
+
+def _draw_branches(
+    axes: Axes, at: np.ndarray, values: np.ndarray, stable: np.ndarray, *, joined: bool
+) -> None:
+    if joined:
+        axes.plot(at, values, color=LINE, zorder=2)
+    axes.plot(at[stable], values[stable], "o", color=LINE, markersize=3.5, label="stable", zorder=3)
+    axes.plot(
+        at[~stable], values[~stable], "o", color=POINTS, mfc="white", markersize=4, label="unstable", zorder=3
+    )
+
+
+def _printed(name: str) -> str:
+    """A name as text: underscores as spaces."""
+    return name.replace("_", " ")

@@ -1,0 +1,217 @@
+"""Set the moments by CADET against those by simulation: how far apart, and how sure is that.
+
+    discrepancy of a variance   100 (P - S) / S           percent of the simulated variance
+    discrepancy of a mean       100 (m - M) / sqrt(S)     percent of the simulated standard deviation
+
+Both carry 99 % limits from the simulation's own sampling error; its step error is stated beside them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cadet_sym.errors import ModelError
+from cadet_sym.results import MomentHistory
+from cadet_sym.tables import plain
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from cadet_sym.simulate import Ensemble
+
+__all__ = ["Comparison", "Verdict", "compare"]
+
+NORMAL_99 = 2.5758293035489004  # two-sided 99 % point of the normal distribution
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One state or output at the end of the run: discrepancies in percent, negative where CADET is low."""
+
+    name: str
+    discrepancy: float  # of the variance; NaN where the simulated one is zero
+    limit: float  # its 99 % half-width
+    mean_discrepancy: float  # of the mean, in percent of a standard deviation
+    mean_limit: float
+    step_error: float  # of the simulated variance, in percent
+    skewness: float
+    excess_kurtosis: float
+
+    @property
+    def agrees(self) -> bool:
+        """Neither mean nor variance can be told from the simulated one."""
+        return not (abs(self.discrepancy) > self.limit or abs(self.mean_discrepancy) > self.mean_limit)
+
+    @property
+    def text(self) -> str:
+        """The verdict in one sentence."""
+        if math.isnan(self.discrepancy):
+            return f"{self.name} does not vary at the end of the run, so there is nothing to compare."
+        variance = _judged(self.discrepancy, self.limit, "%")
+        mean = _judged(self.mean_discrepancy, self.mean_limit, "% of a standard deviation")
+        shape = f"skewness {self.skewness:+.2f}, excess kurtosis {self.excess_kurtosis:+.2f}"
+        return f"Variance of {self.name} {variance} at the end of the run; its mean {mean} ({shape})."
+
+    def to_dict(self) -> dict[str, Any]:
+        """The verdict as plain numbers and text."""
+        return {
+            "discrepancy": plain(self.discrepancy),
+            "limit": plain(self.limit),
+            "mean_discrepancy": plain(self.mean_discrepancy),
+            "mean_limit": plain(self.mean_limit),
+            "step_error": plain(self.step_error),
+            "skewness": plain(self.skewness),
+            "excess_kurtosis": plain(self.excess_kurtosis),
+            "text": self.text,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Moments by CADET and by simulation of the same model at the same times."""
+
+    history: MomentHistory
+    simulation: Ensemble
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Outputs first, then states: the order of the tables."""
+        return (*self.history.outputs, *self.history.states)
+
+    @cached_property
+    def verdict(self) -> Mapping[str, Verdict]:
+        """Every output and state judged at the end of the run."""
+        return {name: self.at(name, -1) for name in self.names}
+
+    def at(self, name: str, at: int) -> Verdict:
+        """Judge one output or state at the time numbered ``at``."""
+        simulated = {
+            moment: float(getattr(self.simulation, moment)[name][at])
+            for moment in (
+                "mean",
+                "variance",
+                "mean_standard_error",
+                "variance_standard_error",
+                "variance_step_error",
+                "skewness",
+                "excess_kurtosis",
+            )
+        }
+        mean, variance = float(self.history.mean[name][at]), float(self.history.variance[name][at])
+        true = simulated["variance"]
+        varies = true > 0.0
+        percent = 100.0 / true if varies else math.nan
+        percent_of_std = 100.0 / math.sqrt(true) if varies else math.nan
+        return Verdict(
+            name,
+            discrepancy=percent * (variance - true),
+            # (P - S)/S = P/S - 1: the error of S counts P/S times.
+            limit=percent
+            * NORMAL_99
+            * simulated["variance_standard_error"]
+            * (variance / true if varies else 1.0),
+            mean_discrepancy=percent_of_std * (mean - simulated["mean"]),
+            mean_limit=percent_of_std * NORMAL_99 * simulated["mean_standard_error"],
+            step_error=percent * simulated["variance_step_error"],
+            skewness=simulated["skewness"],
+            excess_kurtosis=simulated["excess_kurtosis"],
+        )
+
+    @property
+    def of_states(self) -> str:
+        """How many states agree, and which does least, in one sentence."""
+        verdicts = [self.verdict[name] for name in self.history.states]
+        judged = [verdict for verdict in verdicts if not math.isnan(verdict.discrepancy)]
+        agreeing = [verdict for verdict in judged if verdict.agrees]
+        if len(agreeing) == len(judged):
+            return f"All {len(judged)} states that vary agree with the simulation within its limits."
+        worst = max(judged, key=lambda verdict: abs(verdict.discrepancy) - verdict.limit)
+        return f"{len(agreeing)} of {len(judged)} states agree within the limits. {worst.text}"
+
+    def table(self, names: Sequence[str] = (), rows: int = 6) -> Table:
+        """CADET against simulation with 99 % limits, at ``rows`` times: a table for the terminal."""
+        from cadet_sym.report.terminal import comparison_table
+
+        return comparison_table(self, names or self.history.outputs or self.history.states, rows)
+
+    def plot(self, path: str | Path, names: Sequence[str] = ()) -> Path:
+        """Draw both and write .png, .pdf or .svg."""
+        from cadet_sym.plotting import moments_figure, save_figure
+
+        return save_figure(moments_figure(self.history, self.simulation, names), path)
+
+    def to_dict(self) -> dict[str, Any]:
+        """What ``cadet-sym validate --json`` prints."""
+        history, simulation = self.history, self.simulation
+        return {
+            "model": history.model,
+            "states": list(history.states),
+            "time": plain(history.time),
+            "paths": int(simulation.paths),
+            "cadet": {"mean": plain(history.mean.values), "variance": plain(history.variance.values)},
+            "monte_carlo": {moment: plain(getattr(simulation, moment).values) for moment in SIMULATED},
+            "outputs": {
+                name: {
+                    "cadet": {"mean": plain(history.mean[name]), "variance": plain(history.variance[name])},
+                    "monte_carlo": {moment: plain(getattr(simulation, moment)[name]) for moment in SIMULATED},
+                }
+                for name in history.outputs
+            },
+            "verdict": {name: verdict.to_dict() for name, verdict in self.verdict.items()},
+        }
+
+    def __str__(self) -> str:
+        return "\n".join(verdict.text for verdict in self.verdict.values())
+
+
+SIMULATED = ("mean", "variance", "mean_standard_error", "variance_standard_error")
+
+
+def compare(history: MomentHistory, simulation: Ensemble) -> Comparison:
+    """Set a history against a simulation of the same model at the same times.
+
+    Raises
+    ------
+    ModelError
+        They are of different states and outputs, or at different times.
+    """
+    if (history.states, history.outputs) != (simulation.states, simulation.outputs):
+        raise ModelError(
+            f"compare: the history has {_listed(history)}, the simulation {_listed(simulation)}; "
+            "simulate and propagate the same model"
+        )
+    ours, theirs = np.asarray(history.time), np.asarray(simulation.time)
+    if ours.shape != theirs.shape or not np.allclose(ours, theirs, rtol=1e-9, atol=1e-12):
+        raise ModelError(
+            f"compare: the history has {len(ours)} times from {ours[0]:g} to {ours[-1]:g}, the simulation "
+            f"{len(theirs)} from {theirs[0]:g} to {theirs[-1]:g}; use `propagate(times=simulation.time)`"
+        )
+    return Comparison(history, simulation)
+
+
+def _listed(record: Any) -> str:
+    return f"states {', '.join(record.states)} and outputs {', '.join(record.outputs) or 'none'}"
+
+
+def _judged(discrepancy: float, limit: float, unit: str) -> str:
+    """'is 6.1 ± 0.2 % low' or 'agrees within 3 %'."""
+    number, half = rounded(abs(discrepancy), limit)
+    if abs(discrepancy) <= limit:
+        return f"agrees ({'-' if discrepancy < 0 else '+'}{number} ± {half} {unit})"
+    return f"is {number} ± {half} {unit} {'low' if discrepancy < 0 else 'high'}"
+
+
+def rounded(value: float, limit: float) -> tuple[str, str]:
+    """A value and its limit, both to the first digit of the limit (to the second if the first is a 1)."""
+    if not (math.isfinite(limit) and limit > 0.0):
+        return f"{value:.6g}", f"{limit:.2g}"
+    first = math.floor(math.log10(limit))
+    places = -first + (1 if limit / 10.0**first < 1.95 else 0)
+    return f"{value:.{max(places, 0)}f}", f"{limit:.{max(places, 0)}f}"

@@ -1,0 +1,148 @@
+"""What a model became: augmented equations, and every describing function with how it was obtained."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import sympy as sp
+
+from cadet_sym.augment import AugmentedSystem, NoiseSource
+from cadet_sym.expectation import DescribingFunction
+from cadet_sym.language.expression import SPEED, unparse
+from cadet_sym.linearise import Nonlinearity
+from cadet_sym.moments import MomentEquations
+
+__all__ = ["Listing"]
+
+
+@dataclass(frozen=True)
+class Listing:
+    """The stages of one model, for reading: as text, LaTeX or plain data."""
+
+    equations: MomentEquations
+
+    @property
+    def system(self) -> AugmentedSystem:
+        """The augmented system in time."""
+        return self.equations.quasi_linear.system
+
+    @property
+    def elements(self) -> tuple[Nonlinearity, ...]:
+        """The nonlinearities of the rates, in the order in which they were found."""
+        return self.equations.quasi_linear.elements
+
+    @cached_property
+    def rates(self) -> dict[str, sp.Expr]:
+        """The rate of every state, white noise as a symbol of its own."""
+        system = self.system
+        noise = [_noise_symbol(source) for source in system.sources]
+        weight = [SPEED if source.domain == "distance" else sp.S.One for source in system.sources]
+        return {
+            state.name: sp.Add(
+                drift, *(b * v * w for b, v, w in zip(system.noise_input.row(i), weight, noise, strict=True))
+            )
+            for i, (state, drift) in enumerate(zip(system.states, system.drift, strict=True))
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """What ``cadet-sym show --json`` prints: equations as text of the model language."""
+        return {
+            "model": self.system.model.name,
+            "states": list(self.rates),
+            "equations": {name: unparse(rate) for name, rate in self.rates.items()},
+            "intensity": [[unparse(value) for value in row] for row in self.system.intensity.tolist()],
+            "outputs": {name: unparse(value) for name, value in self.system.outputs.items()},
+            "speed": unparse(self.system.speed),
+            "describing_functions": [self._element(element) for element in self.elements],
+        }
+
+    def _element(self, element: Nonlinearity) -> dict[str, Any]:
+        describing = element.describing
+        formula = describing.formula()
+        return {
+            "name": element.name,
+            "function": _text(describing.body),
+            "arguments": [_text(form.of(self.system.states)) for form in element.forms],
+            "expectation": None if formula is None else _text(formula),
+            "method": describing.method,
+            "nodes": describing.nodes,
+            "error": describing.error,
+        }
+
+    def lines(self) -> Iterator[str]:
+        """The listing as text, a line at a time."""
+        system = self.system
+        yield f"{system.model.name}: {len(system.states)} states, {len(self.elements)} nonlinearities"
+        yield ""
+        yield from (f"  {name}' = {unparse(rate)}" for name, rate in self.rates.items())
+        if system.sources:
+            yield ""
+            yield from (f"  {line}" for line in self._noises())
+        if system.outputs:
+            yield ""
+            yield from (f"  {name} = {unparse(value)}" for name, value in system.outputs.items())
+        for element in self.elements:
+            yield ""
+            yield from self._describe(element)
+
+    def _noises(self) -> Iterator[str]:
+        """The intensity of every noise, and of every pair that is correlated at equal argument."""
+        intensity, sources = self.system.intensity, self.system.sources
+        for i, first in enumerate(sources):
+            for j, second in enumerate(sources[: i + 1]):
+                if intensity[i, j] != 0:
+                    pair = _noise_symbol(first), _noise_symbol(second)
+                    yield f"E[{pair[0]} {pair[1]}] = {unparse(intensity[i, j])} delta"
+
+    def _describe(self, element: Nonlinearity) -> Iterator[str]:
+        describing = element.describing
+        arguments = zip(describing.arguments, element.forms, strict=True)
+        of = ", ".join(f"{_bare(z)} = {_text(form.of(self.system.states))}" for z, form in arguments)
+        yield f"  {element.name}: f = {_text(describing.body)},  {of}"
+        yield f"    {_how(describing)}"
+        formula = describing.formula()
+        if formula is not None:
+            yield f"    E[f] = {_text(formula)}"
+
+    def latex(self) -> str:
+        """The same as LaTeX: augmented equations, nonlinearities and their expectations, moment equations."""
+        quasi_linear = self.equations.quasi_linear
+        formulas = [element.describing.formula() for element in self.elements]
+        parts = [self.system._repr_latex_(), quasi_linear._repr_latex_() if self.elements else ""]
+        for j, formula in enumerate(formulas):
+            if formula is not None:
+                parts.append(rf"$$F_{{{j + 1}}} = \mathrm{{E}}[f_{{{j + 1}}}] = {sp.latex(formula)}$$")
+        parts.append(self.equations._repr_latex_())
+        return "\n".join(part for part in parts if part)
+
+
+def _noise_symbol(source: NoiseSource) -> sp.Symbol:
+    """The noise as the equations show it: w(t), w(s), or w(s - setback) under a wheel further back."""
+    if source.domain == "time":
+        return sp.Symbol(f"{source.name}(t)", real=True)
+    behind = "" if source.setback == 0 else f" - {_factor(source.setback)}"
+    return sp.Symbol(f"{source.name}(s{behind})", real=True)
+
+
+def _factor(expression: sp.Expr) -> str:
+    text = _text(expression)
+    return f"({text})" if expression.is_Add else text
+
+
+def _how(describing: DescribingFunction) -> str:
+    if not describing.nodes:
+        return describing.method
+    return f"{describing.method}, {describing.nodes} nodes, estimated relative error {describing.error:.1e}"
+
+
+def _text(expression: sp.Expr) -> str:
+    """An expression in the words of the model file, local arguments without their mark."""
+    local = {s: sp.Symbol(_bare(s), real=True) for s in expression.free_symbols if s.name.startswith("_")}
+    return unparse(expression.xreplace(local))
+
+
+def _bare(argument: sp.Symbol) -> str:
+    return argument.name.lstrip("_")

@@ -1,0 +1,30 @@
+"""What several test modules share: the shipped models, each compiled once."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+import cadet_sym as cs
+
+ROOT = Path(__file__).resolve().parent.parent
+SHIPPED = sorted((ROOT / "models").glob("*.toml"))
+
+
+@cache
+def _compiled(name: str) -> cs.CompiledModel:
+    return cs.compile(cs.load(ROOT / "models" / f"{name}.toml"))
+
+
+@pytest.fixture(scope="session")
+def shipped():
+    """The shipped model of a name, compiled: ``shipped("duffing")``."""
+    return _compiled
+
+
+@pytest.fixture(params=SHIPPED, ids=lambda path: path.stem)
+def model_file(request) -> Path:
+    """Every model file that ships."""
+    return request.param
