@@ -32,7 +32,6 @@ _CALLS: dict[type, str] = {
     sp.erf: "erf",
     sp.Min: "min",
     sp.Max: "max",
-    der: "der",
 }
 _RELATIONS: dict[type, str] = {
     sp.StrictGreaterThan: ">",
@@ -184,6 +183,7 @@ _WRITERS: list[tuple[Any, Callable[[Any], tuple[str, int]]]] = [
     (sp.Or, _junction("or", _OR)),
     (sp.Not, lambda e: (f"not ({unparse(e.args[0])})", _AND)),
     (ElementCall, _element),
+    (der, lambda e: (f"der({unparse(e.of)}" + (f", {e.order})" if e.order > 1 else ")"), _ATOM)),
     (Lookup, _lookup),
     (BooleanTrue | BooleanFalse, _truth),
     (type(sp.pi), lambda e: ("pi", _ATOM)),

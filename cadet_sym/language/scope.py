@@ -18,7 +18,9 @@ _REASONS = {
     "state": "`{name}` is a state, which may not stand in {place}",
     "output": "`{name}` is an output, which may stand only in a later output",
     "element": "`{name}` is an element: write it with its arguments, `{name}(...)`",
-    "parameter": "`{name}` is a parameter, which may not stand in {place}",
+    "later output": "`{name}` is declared later: an output may use the outputs above it",
+    "vehicle's name": "`{name}` belongs to the vehicle: the ground's equations see only the ground's states and noises, "
+    "parameters and `s`",
 }
 
 

@@ -35,21 +35,14 @@ class der(sp.Function):
 
     is_real = True
 
-    @classmethod
-    def eval(cls, of: sp.Basic, order: sp.Basic | None = None):
-        order = sp.Integer(1) if order is None else order
-        if isinstance(of, der):
-            return cls(of.of, of.order + order)
-        if order == 0:
-            return of
-        return None
-
-    def __new__(cls, of: Any, order: Any = None):
-        if order is None or order == 1:
-            return super().__new__(cls, of)
-        order = sp.sympify(order)
+    def __new__(cls, of: Any, order: Any = 1):
+        of, order = sp.sympify(of), sp.sympify(order)
         if not order.is_Integer or order < 0:
             raise ModelError(f"the order of a derivative is a whole number, `der({of}, {order})` has {order}")
+        if order == 0:
+            return of
+        if isinstance(of, der):
+            return cls(of.of, of.order + order)
         return super().__new__(cls, of, order)
 
     @property
@@ -60,7 +53,16 @@ class der(sp.Function):
     @property
     def order(self) -> int:
         """How many times."""
-        return int(self.args[1]) if len(self.args) > 1 else 1
+        return int(self.args[1])
+
+    def _sympystr(self, printer: Any) -> str:
+        return f"der({printer._print(self.of)}" + (f", {self.order})" if self.order > 1 else ")")
+
+    def _latex(self, printer: Any, exp: str | None = None) -> str:
+        dots = "d" * self.order if self.order <= 4 else ""
+        of = printer._print(self.of)
+        text = rf"\{dots}ot{{{of}}}" if dots else rf"{of}^{{({self.order})}}"
+        return rf"\left({text}\right)^{{{exp}}}" if exp is not None else text
 
 
 class ElementCall(sp.Function):

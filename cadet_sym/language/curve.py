@@ -1,0 +1,92 @@
+"""Measured curves: slopes, pieces and values of a `Lookup`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from cadet_sym.language.vocabulary import Lookup
+
+# A slope of the monotone cubic is kept as a decimal of so many digits: exact rationals would grow without end.
+_SLOPE_DIGITS = 17
+
+
+def monotone_slopes(knots: Sequence[sp.Rational], values: Sequence[sp.Rational]) -> list[sp.Rational]:
+    """Slopes at the rows of the monotone cubic (Fritsch & Butland 1984, SIAM J. Sci. Stat. Comput. 5, 300).
+
+    Inside, the weighted harmonic mean of the two secants, or 0 where they differ in sign; at the ends the one-sided
+    three-point slope, limited to keep the shape.
+    """
+    steps = [float(b - a) for a, b in zip(knots, knots[1:], strict=False)]
+    secants = [float(b - a) / h for a, b, h in zip(values, values[1:], steps, strict=False)]
+    if len(secants) == 1:
+        return [(values[1] - values[0]) / (knots[1] - knots[0])] * 2
+    slopes = [_end(steps[0], steps[1], secants[0], secants[1])]
+    for k in range(1, len(secants)):
+        before, after = secants[k - 1], secants[k]
+        if before * after <= 0:
+            slopes.append(0.0)
+            continue
+        w1, w2 = 2 * steps[k] + steps[k - 1], steps[k] + 2 * steps[k - 1]
+        slopes.append((w1 + w2) / (w1 / before + w2 / after))
+    slopes.append(_end(steps[-1], steps[-2], secants[-1], secants[-2]))
+    return [sp.Rational(f"{slope:.{_SLOPE_DIGITS}g}") for slope in slopes]
+
+
+def _end(h0: float, h1: float, d0: float, d1: float) -> float:
+    slope = ((2 * h0 + h1) * d0 - h0 * d1) / (h0 + h1)
+    if slope * d0 <= 0:
+        return 0.0
+    return 3 * d0 if d0 * d1 <= 0 and abs(slope) > 3 * abs(d0) else slope
+
+
+def coefficients(curve: Lookup) -> list[tuple[sp.Rational, ...]]:
+    """Polynomials (c0, c1, ...) in z - z_k, one a row interval."""
+    z, f = curve.knots, curve.values
+    if curve.method == "linear":
+        return [(f[k], (f[k + 1] - f[k]) / (z[k + 1] - z[k])) for k in range(len(z) - 1)]
+    slopes = monotone_slopes(z, f)
+    pieces = []
+    for k in range(len(z) - 1):
+        h, d = z[k + 1] - z[k], (f[k + 1] - f[k]) / (z[k + 1] - z[k])
+        a, b = slopes[k], slopes[k + 1]
+        pieces.append((f[k], a, (3 * d - 2 * a - b) / h, (a + b - 2 * d) / h**2))
+    return pieces
+
+
+def curve_pieces(curve: Lookup) -> sp.Expr:
+    """The curve as a Piecewise of polynomials in its argument."""
+    z, knots, pieces = curve.argument, curve.knots, coefficients(curve)
+    polynomials = [
+        sp.Add(*(c * (z - k) ** n for n, c in enumerate(piece)))
+        for k, piece in zip(knots, pieces, strict=False)
+    ]
+    if curve.method == "linear":
+        polynomials = [sp.expand(p) for p in polynomials]
+    edges = list(knots[1:-1])
+    if curve.outside == "hold":
+        polynomials = [curve.values[0], *polynomials, curve.values[-1]]
+        edges = list(knots)
+    branches = [
+        (polynomial, sp.StrictLessThan(z, edge, evaluate=False))
+        for polynomial, edge in zip(polynomials, edges, strict=False)
+    ]
+    if not branches:
+        return polynomials[-1]
+    return sp.Piecewise(*branches, (polynomials[-1], sp.true), evaluate=False)
+
+
+def curve_values(curve: Lookup, z: Any) -> np.ndarray:
+    """Values of the curve at numbers."""
+    z = np.asarray(z, float)
+    knots = np.array([float(k) for k in curve.knots])
+    pieces = np.array([[float(c) for c in piece] for piece in coefficients(curve)])
+    at = np.clip(z, knots[0], knots[-1]) if curve.outside == "hold" else z
+    k = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, len(knots) - 2)
+    value = np.zeros_like(at)
+    for n in reversed(range(pieces.shape[1])):
+        value = value * (at - knots[k]) + pieces[k, n]
+    return value

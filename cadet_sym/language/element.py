@@ -1,0 +1,103 @@
+"""A nonlinearity, declared once and called where it acts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import sympy as sp
+
+from cadet_sym.errors import ModelError
+from cadet_sym.language.canonical import canonical
+from cadet_sym.language.parser import name_problem
+from cadet_sym.language.vocabulary import ElementCall, NamedElement, symbol
+
+
+@dataclass(frozen=True)
+class Element:
+    """A function of one or several arguments: a damper, a spring, a friction, a measured curve.
+
+    Parameters
+    ----------
+    name : what it is called in rates and outputs.
+    arguments : its arguments, as symbols; they shadow parameters of the same name.
+    value : an expression in the arguments, parameters, `t` and other elements; or a measured curve (`Lookup`).
+    text : a word about it.
+
+    Calling it, `oleo(v)`, gives the expression to be used in a rate.
+    """
+
+    name: str
+    arguments: tuple[sp.Symbol, ...]
+    value: sp.Expr
+    text: str = field(default="", compare=False)
+    elements: tuple[Element, ...] = field(init=False, compare=False, repr=False)  # called in `value`
+
+    def __post_init__(self):
+        set_field(self, "name", declared_name(self.name, "element", table="elements"))
+        set_field(self, "arguments", self._declared_arguments())
+        try:
+            set_field(self, "elements", tuple(harvest([self.value])))
+            set_field(self, "value", canonical(self.value))
+        except ModelError as error:
+            raise error.placed(table=f"elements.{self.name}", key="value") from None
+
+    def _declared_arguments(self) -> tuple[sp.Symbol, ...]:
+        given: Sequence[Any] = self.arguments
+        where = {"table": f"elements.{self.name}", "key": "arguments"}
+        names = [declared_name(a, "argument", **where) for a in ([given] if isinstance(given, sp.Symbol | str) else given)]
+        if not names or len(set(names)) != len(names):
+            what = "no argument" if not names else "an argument twice"
+            raise ModelError(f"the element `{self.name}` has {what}", **where)
+        return tuple(symbol(a) for a in names)
+
+    def __call__(self, *arguments: Any) -> sp.Expr:
+        """The element at arguments, for use in a rate or an output."""
+        if len(arguments) != len(self.arguments):
+            wanted = len(self.arguments)
+            plural = "s" if wanted != 1 else ""
+            raise ModelError(f"the element `{self.name}` takes {wanted} argument{plural}, {len(arguments)} given")
+        return ElementCall(NamedElement(self.name, self), *(sp.sympify(a, strict=True) for a in arguments))
+
+
+def harvest(expressions: Iterable[Any]) -> list[Element]:
+    """The elements called in expressions built in Python, and those that these call; each once, in order of name.
+
+    Raises
+    ------
+    ModelError : two different elements of one name.
+    """
+    found: dict[str, Element] = {}
+    waiting = [
+        name.element
+        for expr in expressions
+        if isinstance(expr, sp.Basic)
+        for name in sorted(expr.atoms(NamedElement), key=lambda n: n.name)
+    ]
+    while waiting:
+        element = waiting.pop(0)
+        known = found.setdefault(element.name, element)
+        if known != element:
+            raise ModelError(
+                f"two different elements are called `{element.name}`: give one of them another name",
+                table="elements",
+                key=element.name,
+            )
+        if known is element:
+            waiting.extend(e for e in element.elements if found.get(e.name) is not e)
+    return list(found.values())
+
+
+def declared_name(name: Any, kind: str, **where: str) -> str:
+    """A name as declared, or ModelError that says why it cannot be one."""
+    name = name.name if isinstance(name, sp.Symbol) else name
+    if problem := name_problem(name):
+        article = "an" if kind[0] in "aeiou" else "a"
+        raise ModelError(f"`{name}` cannot be the name of {article} {kind}: {problem}", token=str(name), **where)
+    return name
+
+
+def set_field(record: Any, name: str, value: Any) -> None:
+    """Set a field of a frozen record while it is made."""
+    object.__setattr__(record, name, value)
