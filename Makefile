@@ -21,6 +21,9 @@ lint: $(READY)
 	$(BIN)/lint-imports
 	$(BIN)/pyright
 
+docs: $(READY)
+	$(BIN)/python docs/build.py
+
 # Made when it is missing, and again when pyproject.toml changed.
 $(READY): pyproject.toml
 	@test -x $(BIN)/python || $(PYTHON) -m venv .venv

@@ -1,0 +1,68 @@
+"""Write the gallery of the models that ship: ``python docs/build.py`` (or ``make docs``) writes the page and its figures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cadet_sym as cs
+
+DOCS = Path(__file__).resolve().parent
+MODELS = sorted((DOCS.parent / "models").glob("*.toml"))
+PATHS = 2000
+
+HEAD = """# The models that ship
+
+One file each in `models/`, ready to run. The numbers are CADET's at the end of the run; in the figures lines are CADET,
+points are {paths} simulated paths of the original nonlinear model with 99 % limits. Written by `make docs`.
+"""
+
+
+def drawing(path: Path) -> str:
+    """The comment that opens a model file: its drawing, source and units."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    comment = [line for line in lines[: next(i for i, line in enumerate(lines) if not line.startswith("#"))]]
+    return "\n".join(line.removeprefix("#").removeprefix(" ").rstrip() for line in comment)
+
+
+def section(path: Path) -> str:
+    """One model: drawing, numbers, figure, and the command that draws it."""
+    model = cs.load(path)
+    history = cs.compile(model).propagate(points=11)
+    rows = "\n".join(
+        f"| {name} | {history.mean[name][-1]:.4g} | {history.variance[name][-1]:.4g} |"
+        for name in history.outputs or history.states
+    )
+    return f"""
+## {model.name}
+
+    {"    ".join(drawing(path).splitlines(keepends=True))}
+
+{model.text}
+
+| at t = {history.time[-1]:g} | mean | variance |
+|---|---:|---:|
+{rows}
+
+![{model.name}]({path.stem}.png)
+
+`cadet-sym validate models/{path.name} --paths {PATHS} --plot {path.stem}.png`
+"""
+
+
+def page() -> str:
+    """The whole gallery as markdown."""
+    return HEAD.format(paths=PATHS) + "".join(map(section, MODELS))
+
+
+def draw(path: Path) -> None:
+    """Simulate one model and draw it."""
+    model = cs.load(path)
+    comparison = cs.compare(cs.compile(model).propagate(), cs.simulate(model, paths=PATHS, seed=0))
+    print(f"{path.stem}.png", comparison.verdict[comparison.names[0]].text, sep=": ")
+    comparison.plot(DOCS / f"{path.stem}.png")
+
+
+if __name__ == "__main__":
+    (DOCS / "gallery.md").write_text(page(), encoding="utf-8")
+    for each in MODELS:
+        draw(each)
