@@ -6,7 +6,11 @@ SymPy evaluates as it builds, so every node is checked before the next one is bu
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, replace
+from typing import Any
 
 import sympy as sp
 
@@ -16,7 +20,7 @@ from cadet_sym.language.numeric import evaluate
 
 @dataclass(frozen=True)
 class Limits:
-    """Bounds on what a model may hold; raise them by handing another `Limits` to `load`."""
+    """Bounds on what a model may hold; `limits(...)` raises them for a while."""
 
     characters: int = 2_000  # of one expression
     levels: int = 50  # of nesting in one expression
@@ -26,14 +30,33 @@ class Limits:
 
 
 LIMITS = Limits()
+_current: ContextVar[Limits] = ContextVar("limits", default=LIMITS)
+
+
+def current_limits() -> Limits:
+    """The limits in force."""
+    return _current.get()
+
+
+@contextmanager
+def limits(**changed: Any) -> Iterator[Limits]:
+    """Other limits within a `with`: `with limits(rows=100_000): model = load(...)`."""
+    token = _current.set(replace(_current.get(), **changed))
+    try:
+        yield _current.get()
+    finally:
+        _current.reset(token)
+
+
 _DIGITS = 8192  # bits of numerator and denominator together; a double needs 2100
 _FOREIGN = (sp.I, sp.zoo, sp.nan, sp.oo, -sp.oo)
 
 
-def power(base: sp.Expr, exponent: sp.Expr, limits: Limits = LIMITS) -> sp.Expr:
+def power(base: sp.Expr, exponent: sp.Expr) -> sp.Expr:
     """`base**exponent`, refused before SymPy multiplies it out where the exponent is out of bounds."""
-    if exponent.is_Rational and abs(exponent) > limits.exponent:
-        raise ModelError(f"the exponent {shown(exponent)} is beyond the limit of {limits.exponent}")
+    most = current_limits().exponent
+    if exponent.is_Rational and abs(exponent) > most:
+        raise ModelError(f"the exponent {shown(exponent)} is beyond the limit of {most}")
     if exponent.is_Rational and exponent.q > 10**6 and base.is_Rational:
         raise ModelError(f"the exponent {shown(exponent)} of a number has too many digits")
     if base.is_Rational and exponent.is_Rational and _bits(base) * abs(exponent) > 8 * _DIGITS:
@@ -43,17 +66,16 @@ def power(base: sp.Expr, exponent: sp.Expr, limits: Limits = LIMITS) -> sp.Expr:
     return sp.Pow(base, exponent)
 
 
-def checked(result: sp.Expr, limits: Limits = LIMITS) -> sp.Expr:
+def checked(result: sp.Expr) -> sp.Expr:
     """`result` if it is a real number or a real expression within the limits; ModelError that says what it is else."""
+    most = current_limits().exponent
     for term in sp.Add.make_args(result):
         for factor in sp.Mul.make_args(term):
             if factor.is_Rational:
                 if _bits(factor) > _DIGITS:
                     raise ModelError("a number with too many digits comes out of this; write it as a decimal")
-            elif isinstance(factor, sp.Pow) and factor.exp.is_Rational and abs(factor.exp) > limits.exponent:
-                raise ModelError(
-                    f"this is a power of {shown(factor.exp)}, and exponents go to {limits.exponent}"
-                )
+            elif isinstance(factor, sp.Pow) and factor.exp.is_Rational and abs(factor.exp) > most:
+                raise ModelError(f"this is a power of {shown(factor.exp)}, and exponents go to {most}")
     if result.has(*_FOREIGN):
         raise ModelError("this is not a real number (a division by zero, or the root or logarithm of a negative one)")
     if not result.free_symbols and not result.has(sp.Function):

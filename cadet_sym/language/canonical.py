@@ -13,7 +13,7 @@ from sympy.core.symbol import Str
 from sympy.logic.boolalg import BooleanFalse, BooleanTrue
 
 from cadet_sym.errors import ModelError
-from cadet_sym.language.bounds import LIMITS, checked, power
+from cadet_sym.language.bounds import checked, power
 from cadet_sym.language.parser import exact
 from cadet_sym.language.vocabulary import (
     HALF,
@@ -140,7 +140,7 @@ def _canonical(expr: sp.Basic, seen: dict[sp.Basic, Any]) -> Any:
     elif type(expr) in _BUILD:
         result = _BUILD[type(expr)](*(_canonical(argument, seen) for argument in expr.args))
         if isinstance(result, sp.Expr):
-            result = checked(result, LIMITS)
+            result = checked(result)
     else:
         raise ModelError(f"`{expr}` ({type(expr).__name__}) is not in the language of the models")
     seen[expr] = result

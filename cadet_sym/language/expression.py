@@ -1,6 +1,6 @@
 """Expressions: canonical symbols, `der`, `ElementCall`, `Lookup`; text to expression and back; SymPy of a user made canonical."""
 
-from cadet_sym.language.bounds import LIMITS, Limits
+from cadet_sym.language.bounds import LIMITS, Limits, limits
 from cadet_sym.language.canonical import canonical
 from cadet_sym.language.numeric import evaluate
 from cadet_sym.language.parser import exact, parse
@@ -42,6 +42,7 @@ __all__ = [
     "exact",
     "extreme",
     "heaviside",
+    "limits",
     "parse",
     "piecewise",
     "relation",

@@ -7,7 +7,6 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, InitVar, dataclass, field, fields, is_dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any, Literal
 
 import sympy as sp
@@ -144,7 +143,6 @@ class Model:
     run: Run = field(default_factory=Run)
     name: str = field(default="", compare=False)
     text: str = field(default="", compare=False)
-    folder: Path | None = field(default=None, compare=False, repr=False)
     duration: InitVar[Any] = None
     points: InitVar[Any] = None
     rtol: InitVar[Any] = None

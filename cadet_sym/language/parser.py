@@ -18,7 +18,7 @@ import sympy as sp
 from sympy.core.symbol import Str
 
 from cadet_sym.errors import ModelError
-from cadet_sym.language.bounds import LIMITS, Limits, checked, power
+from cadet_sym.language.bounds import Limits, checked, current_limits, power
 from cadet_sym.language.scope import ANYTHING, Scope
 from cadet_sym.language.vocabulary import (
     DISTANCE,
@@ -67,7 +67,7 @@ _NUMBER = re.compile(r"(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _NAME = re.compile(r"[^\W\d]\w*")
 
 
-def parse(text: str, scope: Scope | None = None, *, limits: Limits = LIMITS) -> sp.Expr:
+def parse(text: str, scope: Scope | None = None) -> sp.Expr:
     """Turn the text of an expression into the expression.
 
     Parameters
@@ -75,7 +75,6 @@ def parse(text: str, scope: Scope | None = None, *, limits: Limits = LIMITS) -> 
     text : in the grammar of the model file: numbers, names, `+ - * / **`, comparisons, `and or not`, `A if C else B`, `der(h)`,
         the listed functions and the elements.
     scope : which names may stand in it; without one every name is taken as it stands, and an unknown function as an element.
-    limits : bounds on length, nesting and exponents.
 
     Raises
     ------
@@ -84,7 +83,7 @@ def parse(text: str, scope: Scope | None = None, *, limits: Limits = LIMITS) -> 
     if not isinstance(text, str):
         raise ModelError(f"an expression is text, not {type(text).__name__}")
     try:
-        return _Reader(text, scope or ANYTHING, limits).expression()
+        return _Reader(text, scope or ANYTHING, current_limits()).expression()
     except ModelError as error:
         raise error.placed(text=text, column=0) from None
 
@@ -208,7 +207,7 @@ class _Reader:
         if read is None:
             self._fail(f"{_foreign(node)} has no place in an expression", node)
         try:
-            return checked(read(self, node, level), self.limits)
+            return checked(read(self, node, level))
         except ModelError as error:
             raise error.placed(text=self.text, column=self.column(node)) from None
 
@@ -237,7 +236,7 @@ class _Reader:
     def binary(self, node: ast.BinOp, level: int) -> sp.Expr:
         if isinstance(node.op, ast.Pow):
             base, exponent = self.number(node.left, level + 1), self.number(node.right, level + 1)
-            return power(base, exponent, self.limits)
+            return power(base, exponent)
         if type(node.op) in _FOREIGN_OPERATORS:
             sign, hint = _FOREIGN_OPERATORS[type(node.op)]
             self._fail(f"`{sign}` has no place in an expression: {hint}", node)
@@ -269,7 +268,7 @@ class _Reader:
             value = self.number(factor, level + 1)
             if divide and value.is_zero:
                 self._fail("division by zero", factor)
-            result = checked(result * (power(value, sp.Integer(-1)) if divide else value), self.limits)
+            result = checked(result * (power(value, sp.Integer(-1)) if divide else value))
         return result
 
     def call(self, node: ast.Call, level: int) -> sp.Expr:
