@@ -1,7 +1,8 @@
-"""Write the gallery of the models that ship: ``python docs/build.py`` (or ``make docs``) writes the page and its figures."""
+"""Write the gallery of the models that ship, page and figures: ``make docs``."""
 
 from __future__ import annotations
 
+from itertools import takewhile
 from pathlib import Path
 
 import cadet_sym as cs
@@ -12,15 +13,15 @@ PATHS = 2000
 
 HEAD = """# The models that ship
 
-One file each in `models/`, ready to run. The numbers are CADET's at the end of the run; in the figures lines are CADET,
-points are {paths} simulated paths of the original nonlinear model with 99 % limits. Written by `make docs`.
+One file each in `models/`, ready to run. The numbers are CADET's at the end of the run; in the figures lines
+are CADET, points are {paths} simulated paths of the original nonlinear model with 99 % limits. This page is
+written by `make docs`.
 """
 
 
 def drawing(path: Path) -> str:
     """The comment that opens a model file: its drawing, source and units."""
-    lines = path.read_text(encoding="utf-8").splitlines()
-    comment = [line for line in lines[: next(i for i, line in enumerate(lines) if not line.startswith("#"))]]
+    comment = takewhile(lambda line: line.startswith("#"), path.read_text(encoding="utf-8").splitlines())
     return "\n".join(line.removeprefix("#").removeprefix(" ").rstrip() for line in comment)
 
 
