@@ -1,0 +1,183 @@
+"""Compile a model: every stage from the declaration to CasADi functions, and what can be done with them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.metadata import version
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from cadet_sym.augment import augment
+from cadet_sym.errors import ModelError
+from cadet_sym.language.model import Model
+from cadet_sym.language.modelfile import load
+from cadet_sym.linearise import linearise
+from cadet_sym.lowering.initial import filter_matrices, initial_moments
+from cadet_sym.lowering.system import LoweredSystem, lower
+from cadet_sym.moments import MomentEquations, moment_equations
+from cadet_sym.results import MomentHistory, Provenance
+from cadet_sym.solve.breakpoints import find_breakpoints
+from cadet_sym.solve.transient import Trajectory, integrate
+
+__all__ = ["CompiledModel", "compile"]
+
+Array = npt.NDArray[np.float64]
+
+
+def compile(model: Model | str | Path) -> CompiledModel:
+    """Turn a model, or the file it is declared in, into its compiled moment equations.
+
+    Raises
+    ------
+    ModelError, LinearisationError
+        If the model is wrong, or an element has no Gaussian expectation.
+    """
+    if not isinstance(model, Model):
+        model = load(model)
+    return CompiledModel(model, lower(moment_equations(linearise(augment(model)))))
+
+
+@dataclass(frozen=True, eq=False)
+class CompiledModel:
+    """A model whose moment equations are ready to be integrated, solved for their fixed points, or exported."""
+
+    model: Model
+    functions: LoweredSystem
+
+    @property
+    def equations(self) -> MomentEquations:
+        """The moment equations in symbols; through them every earlier stage."""
+        return self.functions.equations
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the augmented states: the vehicle's, then the ground filters'."""
+        return self.equations.states
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+        return tuple(self.equations.quasi_linear.outputs)
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters that have a number of their own, in the order of p."""
+        return self.functions.parameters
+
+    def parameter_vector(self, values: Mapping[str, float] | None = None) -> Array:
+        """p: the declared numbers, with `values` in their place where given."""
+        declared = self.model.parameter_values()
+        for name in values or {}:
+            if name not in self.parameters:
+                known = ", ".join(self.parameters) or "none"
+                raise ModelError(f"`{name}` is not a parameter with a number of its own; those are: {known}.")
+        return np.array([float({**declared, **(values or {})}[name]) for name in self.parameters])
+
+    @cached_property
+    def _initial(self) -> ca.Function:
+        return initial_moments(self.functions)
+
+    def initial(self, parameters: Mapping[str, float] | None = None) -> Array:
+        """The packed moments at t = 0.
+
+        Raises
+        ------
+        ModelError
+            If the ground has no stationary state to start from, or the covariance is not positive semidefinite.
+        """
+        p = self.parameter_vector(parameters)
+        system = self.equations.quasi_linear.system
+        if system.copies and self.model.initial.ground == "stationary":
+            self._refuse_drifting_ground(p)
+        y = np.asarray(self._initial(p)).ravel()
+        _, covariance = self.equations.packing.unpack(y)
+        lowest = float(np.linalg.eigvalsh(covariance)[0]) if len(covariance) else 0.0
+        if not lowest >= -1e-9 * max(float(np.trace(covariance)), 1e-300):
+            raise ModelError(
+                f"[initial]: the covariance at the start is not positive semidefinite (smallest eigenvalue "
+                f"{lowest:.3g}); check [initial.covariance]: |cov(a, b)| may not exceed std(a) std(b)."
+            )
+        return y
+
+    def _refuse_drifting_ground(self, p: Array) -> None:
+        for copy in self.equations.quasi_linear.system.copies:
+            C = np.asarray(filter_matrices(self.functions, copy)(p)[0])
+            if np.linalg.eigvals(C).real.max(initial=-1.0) > -1e-12 * np.abs(C).max(initial=1e-300):
+                raise ModelError(
+                    f'[initial] ground = "stationary": the ground under `{copy.contact}` has no stationary height '
+                    '(an integrated road wanders without bound). Start with `ground = "smooth"`, or give the road a '
+                    "low-frequency `cutoff`."
+                )
+
+    def breakpoints(self, p: Array, duration: float) -> tuple[float, ...]:
+        """Times in the run at which a known input changes abruptly: the integration is restarted there."""
+        return find_breakpoints(self.functions, p, duration)
+
+    def propagate(
+        self,
+        times: Sequence[float] | None = None,
+        *,
+        duration: float | None = None,
+        points: int | None = None,
+        rtol: float | None = None,
+        parameters: Mapping[str, float] | None = None,
+    ) -> MomentHistory:
+        """Integrate mean and covariance over the run; by default the model's own duration and output times.
+
+        Raises
+        ------
+        ModelError
+            Wrong times, tolerances or parameters.
+        SolverError
+            If the integration fails; says when, where, and what was reached.
+        """
+        run = self.model.run
+        if times is None:
+            end = self.model.number(run.duration) if duration is None else duration
+            times = np.linspace(0.0, end, run.points if points is None else points)
+        p = self.parameter_vector(parameters)
+        grid = np.atleast_1d(np.asarray(times, dtype=float))
+        breakpoints = self.breakpoints(p, float(grid[-1])) if grid.size else ()
+        trajectory = integrate(
+            self.functions,
+            self.initial(parameters),
+            p,
+            grid,
+            rtol=run.rtol if rtol is None else rtol,
+            breakpoints=breakpoints,
+        )
+        return self._history(trajectory, p)
+
+    def _history(self, trajectory: Trajectory, p: Array) -> MomentHistory:
+        mean, covariance = self.equations.packing.unpack(trajectory.y)
+        k = len(trajectory.time)
+        if self.outputs:
+            pairs = self.functions.outputs.map(k)(
+                trajectory.time[None, :], trajectory.y.T, np.tile(p[:, None], k)
+            )
+            output_mean, output_variance = (np.asarray(part).T for part in pairs)
+        else:
+            output_mean = output_variance = np.zeros((k, 0))
+        return MomentHistory(
+            model=self.model.name,
+            states=self.states,
+            outputs=self.outputs,
+            time=trajectory.time,
+            state_mean=mean,
+            state_covariance=covariance,
+            output_mean=output_mean,
+            output_variance=output_variance,
+            provenance=Provenance(
+                engine=trajectory.engine,
+                rtol=trajectory.rtol,
+                statistics=trajectory.statistics,
+                parameters=dict(zip(self.parameters, p.tolist(), strict=True)),
+                model_hash=self.model.hash,
+                version=version("cadet-sym"),
+            ),
+        )

@@ -1,0 +1,426 @@
+"""Replace every nonlinearity by its Gaussian describing function: f(x, t) = A x + c + sum_j b_j f_j(C_j x + d_j).
+
+The split is found in what the user wrote: the affine part goes to A and c; what remains is cut into terms,
+each a static function of as few linear forms of the state as possible (`abs(x1 - x2)*(x1 - x2)` is a function of
+one), equal ones shared between equations. See Harrison & Hammond (1986), section 3, and Roberts & Spanos,
+"Random Vibration and Statistical Linearization" (1990), chapter 5.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import sympy as sp
+from sympy.core.relational import Relational
+
+from cadet_sym.augment import AugmentedSystem
+from cadet_sym.errors import LinearisationError
+from cadet_sym.expectation import DescribingFunction, describing_function
+from cadet_sym.language.element import Element
+from cadet_sym.language.expression import ElementCall
+
+__all__ = ["LinearForm", "Nonlinearity", "OutputForm", "QuasiLinearSystem", "linearise"]
+
+
+@dataclass(frozen=True)
+class LinearForm:
+    """One argument of a nonlinearity: z = sum_i coefficient_i x_i + constant."""
+
+    coefficients: tuple[tuple[int, sp.Expr], ...]  # (index of the state, coefficient), by index
+    constant: sp.Expr = sp.S.Zero
+
+    def of(self, states: Sequence[sp.Expr]) -> sp.Expr:
+        """The form written in the states."""
+        return sp.Add(*(c * states[i] for i, c in self.coefficients), self.constant)
+
+
+@dataclass(frozen=True)
+class Nonlinearity:
+    """A static function f(z_1, .., z_k) of linear forms of the state, with its describing function."""
+
+    name: str
+    forms: tuple[LinearForm, ...]
+    describing: DescribingFunction
+
+
+@dataclass(frozen=True)
+class OutputForm:
+    """y = linear x + constant + sum_j coefficient_j f_j, and what E[f_i f_j] is made of."""
+
+    linear: sp.ImmutableMatrix  # (1, n)
+    constant: sp.Expr
+    coefficients: tuple[sp.Expr, ...]
+    elements: tuple[Nonlinearity, ...]
+    products: Mapping[tuple[int, int], OutputForm] = field(default_factory=dict)  # f_i f_j, i >= j
+
+
+@dataclass(frozen=True)
+class QuasiLinearSystem:
+    """The system in Lur'e form, x' = A x + c + sum_j b_j f_j(z_j) + noise; all entries depend on parameters and t."""
+
+    system: AugmentedSystem
+    A: sp.ImmutableSparseMatrix  # (n, n)
+    c: sp.ImmutableMatrix  # (n, 1)
+    b: sp.ImmutableSparseMatrix  # (n, J)
+    elements: tuple[Nonlinearity, ...]  # J of them
+    outputs: Mapping[str, OutputForm]
+
+    @property
+    def states(self) -> tuple[sp.Symbol, ...]:
+        """The augmented states."""
+        return self.system.states
+
+    def _repr_latex_(self) -> str:
+        rows = []
+        for j, element in enumerate(self.elements):
+            argument = ", ".join(sp.latex(form.of(self.states)) for form in element.forms)
+            body = sp.latex(element.describing.body)
+            rows.append(rf"f_{{{j + 1}}} &= {body},\quad z = {argument}")
+        return r"$$\begin{aligned}" + r" \\ ".join(rows) + r"\end{aligned}$$"
+
+
+def linearise(system: AugmentedSystem) -> QuasiLinearSystem:
+    """Split the drift into a linear part and elements, and give every element its describing function.
+
+    Raises
+    ------
+    LinearisationError
+        If an element has no Gaussian expectation, or depends on more arguments than there is a rule for.
+    """
+    splitter = _Splitter(system.states, system.model.vehicle.elements)
+    n = len(system.states)
+    elements: dict[_Key, int] = {}
+    A: dict[tuple[int, int], sp.Expr] = {}
+    b: dict[tuple[int, int], sp.Expr] = {}
+    c = sp.zeros(n, 1)
+    for i, rate in enumerate(system.drift):
+        parts = splitter.split(rate)
+        A.update({(i, j): value for j, value in parts.linear.items()})
+        c[i] = parts.constant
+        for key, coefficient in parts.terms.items():
+            b[i, elements.setdefault(key, len(elements))] = coefficient
+    return QuasiLinearSystem(
+        system=system,
+        A=sp.ImmutableSparseMatrix(n, n, A),
+        c=sp.ImmutableMatrix(c),
+        b=sp.ImmutableSparseMatrix(n, len(elements), b),
+        elements=tuple(splitter.nonlinearity(key, k) for key, k in elements.items()),
+        outputs={name: _output(splitter, expression, n) for name, expression in system.outputs.items()},
+    )
+
+
+def _output(splitter: _Splitter, expression: sp.Expr, n: int) -> OutputForm:
+    """Split an output, and every product of two of its elements, whose expectations its variance needs."""
+    form, keys = _output_form(splitter, expression, n)
+    products = {}
+    for i, first in enumerate(keys):
+        for j, second in enumerate(keys[: i + 1]):
+            product = splitter.written_out(first) * splitter.written_out(second)
+            products[i, j] = _output_form(splitter, product, n)[0]
+    return OutputForm(form.linear, form.constant, form.coefficients, form.elements, products)
+
+
+def _output_form(splitter: _Splitter, expression: sp.Expr, n: int) -> tuple[OutputForm, tuple[_Key, ...]]:
+    parts = splitter.split(expression)
+    row = sp.zeros(1, n)
+    for j, value in parts.linear.items():
+        row[j] = value
+    keys = tuple(parts.terms)
+    nonlinearities = tuple(splitter.nonlinearity(key, k) for k, key in enumerate(keys))
+    return OutputForm(
+        sp.ImmutableMatrix(row), parts.constant, tuple(parts.terms.values()), nonlinearities
+    ), keys
+
+
+@dataclass(frozen=True)
+class _Key:
+    """What makes two nonlinear terms the same: the function and the linear forms it is taken of."""
+
+    body: sp.Expr
+    forms: tuple[LinearForm, ...]
+    name: str = field(default="", compare=False)
+
+
+@dataclass
+class _Parts:
+    """An expression on its way into linear part, constant and nonlinear terms."""
+
+    linear: dict[int, sp.Expr] = field(default_factory=dict)
+    constant: sp.Expr = sp.S.Zero
+    terms: dict[_Key, sp.Expr] = field(default_factory=dict)
+
+    def add_affine(self, form: LinearForm, factor: sp.Expr) -> None:
+        for i, value in form.coefficients:
+            total = self.linear.get(i, sp.S.Zero) + factor * value
+            self.linear[i] = total
+            if total == 0:
+                del self.linear[i]
+        self.constant += factor * form.constant
+
+    def add_term(self, key: _Key, factor: sp.Expr) -> None:
+        total = self.terms.get(key, sp.S.Zero) + factor
+        self.terms[key] = total
+        if total == 0:
+            del self.terms[key]
+
+
+class _Splitter:
+    """Splits expressions in the states; remembers the affine forms it has met."""
+
+    def __init__(self, states: tuple[sp.Symbol, ...], elements: Mapping[str, Element]) -> None:
+        self.states, self.elements = states, elements
+        self.index = {state: i for i, state in enumerate(states)}
+        self.known: dict[sp.Basic, LinearForm | None] = {}
+
+    def split(self, expression: sp.Expr) -> _Parts:
+        parts = _Parts()
+        for factor, term in self._additive(sp.sympify(expression), sp.S.One):
+            form = self.affine(term)
+            if form is not None:
+                parts.add_affine(form, factor)
+            else:
+                self._add_nonlinear(parts, term, factor)
+        return parts
+
+    def nonlinearity(self, key: _Key, number: int) -> Nonlinearity:
+        name = key.name or f"f{number + 1}"
+        arguments = _arguments(len(key.forms))
+        try:
+            return Nonlinearity(name, key.forms, describing_function(arguments, key.body, name=name))
+        except LinearisationError as error:
+            written = key.body.xreplace(
+                dict(zip(arguments, (f.of(self.states) for f in key.forms), strict=True))
+            )
+            error.add_note(f"The term is `{written}`.")
+            raise
+
+    def written_out(self, key: _Key) -> sp.Expr:
+        """The term in the states again."""
+        forms = (form.of(self.states) for form in key.forms)
+        return key.body.xreplace(dict(zip(_arguments(len(key.forms)), forms, strict=True)))
+
+    def depends(self, expression: sp.Basic) -> bool:
+        return not self.index.keys().isdisjoint(expression.free_symbols)
+
+    # -- terms of a sum -----------------------------------------------------------------------------
+
+    def _additive(self, expression: sp.Expr, factor: sp.Expr) -> Iterator[tuple[sp.Expr, sp.Expr]]:
+        """(state-free factor, term) of every term; a sum times something state-free is distributed."""
+        if not self.depends(expression) or self.affine(expression) is not None:
+            yield factor, expression
+        elif isinstance(expression, sp.Add):
+            for term in expression.args:
+                yield from self._additive(term, factor)
+        elif isinstance(expression, sp.Mul):
+            free, rest = self._separate(expression)
+            if isinstance(rest, sp.Mul):
+                yield factor * free, rest
+            else:
+                yield from self._additive(rest, factor * free)
+        elif isinstance(expression, ElementCall) and not self._is_atomic(expression):
+            yield from self._additive(self._inline(expression), factor)
+        elif isinstance(expression, sp.Max | sp.Min):
+            linear, rest = self._relative(expression)
+            if linear != 0:
+                yield factor, linear
+            yield factor, rest
+        else:
+            yield factor, expression
+
+    def _separate(self, product: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
+        free, rest = [], []
+        for argument in product.args:
+            (rest if self.depends(argument) else free).append(argument)
+        return sp.Mul(*free), sp.Mul(*rest)
+
+    def _relative(self, extremum: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
+        """max(a, b) = b + max(a - b, 0): one argument fewer when both are affine in the state."""
+        moving = [a for a in extremum.args if self.depends(a)]
+        if len(moving) < 2 or any(self.affine(a) is None for a in moving):
+            return sp.S.Zero, extremum
+        base = moving[-1]
+        return base, extremum.func(*(sp.expand(a - base) for a in extremum.args))
+
+    def _is_atomic(self, call: ElementCall) -> bool:
+        """A declared element of linear forms keeps its name; any other is written out."""
+        return all(self.affine(argument) is not None for argument in call.args[1:])
+
+    def _inline(self, expression: sp.Expr) -> sp.Expr:
+        """Write declared elements out."""
+        while calls := expression.atoms(ElementCall):
+            table = {}
+            for call in calls:
+                element = self.elements[str(call.args[0])]
+                arguments = dict(zip(element.arguments, call.args[1:], strict=True))
+                table[call] = element.value.xreplace(arguments)
+            expression = expression.xreplace(table)
+        return expression
+
+    # -- nonlinear terms ------------------------------------------------------------------------------
+
+    def _add_nonlinear(self, parts: _Parts, term: sp.Expr, factor: sp.Expr) -> None:
+        """Write a term in its own arguments, take out what is linear, and share what is left."""
+        name = str(term.args[0]) if isinstance(term, ElementCall) else ""
+        basis, local = self._local(self._inline(term))
+        arguments = _arguments(len(basis))
+        pieces = sp.Add.make_args(_expanded(local, arguments))
+        affine = [piece for piece in pieces if piece.as_independent(*arguments, as_Add=False)[1] in arguments]
+        constant = [piece for piece in pieces if not piece.has(*arguments)]
+        curved = [piece for piece in pieces if piece not in affine and piece not in constant]
+        parts.constant += factor * sp.Add(*constant)
+        for piece in affine:
+            free, argument = piece.as_independent(*arguments, as_Add=False)
+            parts.add_affine(basis[arguments.index(argument)], factor * free)
+        # A declared element stays in one piece under its name; what was written inline is cut up and shared.
+        for piece in [sp.Add(*curved)] if name and curved else curved:
+            free, body = piece.as_independent(*arguments, as_Add=False)
+            used = [i for i, z in enumerate(arguments) if z in body.free_symbols]
+            own = dict(zip((arguments[i] for i in used), _arguments(len(used)), strict=True))
+            parts.add_term(_Key(body.xreplace(own), tuple(basis[i] for i in used), name), factor * free)
+
+    def _local(self, term: sp.Expr) -> tuple[tuple[LinearForm, ...], sp.Expr]:
+        """The term as a function of the fewest linear forms: (forms, function of the local arguments)."""
+        found: dict[LinearForm, bool] = {}
+        self._collect(term, inside=False, found=found)
+        basis = _Basis()
+        for form in sorted(found, key=lambda f: not found[f]):  # those inside nonlinear functions first
+            basis.add(form)
+        return tuple(basis.forms), self._rewrite(term, basis)
+
+    def _collect(self, node: sp.Basic, inside: bool, found: dict[LinearForm, bool]) -> None:
+        for part in self._parts_of(node):
+            form = self.affine(part)
+            if form is not None:
+                if form.coefficients:
+                    found[form] = found.get(form, False) or inside
+            else:
+                self._collect(part, inside or not isinstance(part, sp.Add | sp.Mul), found)
+
+    def _parts_of(self, node: sp.Basic) -> tuple[sp.Basic, ...]:
+        """The arguments of a node, with what is affine in a sum taken together."""
+        if self.affine(node) is not None:
+            return (node,)
+        if isinstance(node, sp.Add):
+            affine = [a for a in node.args if self.affine(a) is not None]
+            return (sp.Add(*affine), *(a for a in node.args if a not in affine))
+        if isinstance(node, Relational) and self.depends(node.lhs) and self.depends(node.rhs):
+            return (sp.expand(node.lhs - node.rhs),)
+        return node.args
+
+    def _rewrite(self, node: sp.Basic, basis: _Basis) -> sp.Expr:
+        if not self.depends(node):
+            return node
+        form = self.affine(node)
+        if form is not None:
+            return basis.express(form)
+        if isinstance(node, sp.Add):
+            return sp.Add(*(self._rewrite(part, basis) for part in self._parts_of(node)))
+        if isinstance(node, Relational) and self.depends(node.lhs) and self.depends(node.rhs):
+            return node.func(self._rewrite(sp.expand(node.lhs - node.rhs), basis), 0)
+        if isinstance(node, sp.Piecewise):
+            branches = ((self._rewrite(e, basis), self._rewrite(c, basis)) for e, c in node.args)
+            return sp.Piecewise(*branches, evaluate=False)
+        return node.func(*(self._rewrite(argument, basis) for argument in node.args))
+
+    # -- affine forms ---------------------------------------------------------------------------------
+
+    def affine(self, expression: sp.Basic) -> LinearForm | None:
+        """The expression as a linear form of the states, or None if it is not one."""
+        if expression not in self.known:
+            self.known[expression] = self._find_affine(expression)
+        return self.known[expression]
+
+    def _find_affine(self, expression: sp.Basic) -> LinearForm | None:
+        if isinstance(expression, sp.Symbol) and expression in self.index:
+            return LinearForm(((self.index[expression], sp.S.One),))
+        if not isinstance(expression, sp.Expr):
+            return None
+        if not self.depends(expression):
+            return LinearForm((), expression)
+        if isinstance(expression, sp.Add):
+            return _sum(self.affine(a) for a in expression.args)
+        if isinstance(expression, sp.Mul):
+            free, rest = self._separate(expression)
+            form = None if isinstance(rest, sp.Mul) else self.affine(rest)
+            return None if form is None else _scaled(form, free)
+        return None
+
+
+def _arguments(count: int) -> tuple[sp.Symbol, ...]:
+    """The local arguments of a nonlinearity, z or z1, z2, ..."""
+    names = ["z"] if count == 1 else [f"z{i + 1}" for i in range(count)]
+    return tuple(sp.Symbol(f"_{name}", real=True) for name in names)
+
+
+def _expanded(local: sp.Expr, arguments: tuple[sp.Symbol, ...]) -> sp.Expr:
+    """Multiply out products of sums; powers of sums too where all is polynomial."""
+    if local.is_polynomial(*arguments):
+        return sp.expand(local)
+    return sp.expand_mul(local, deep=False)
+
+
+def _sum(forms: Iterable[LinearForm | None]) -> LinearForm | None:
+    total: dict[int, sp.Expr] = {}
+    constant = sp.S.Zero
+    for form in forms:
+        if form is None:
+            return None
+        for i, value in form.coefficients:
+            total[i] = total.get(i, sp.S.Zero) + value
+        constant += form.constant
+    return LinearForm(tuple(sorted((i, v) for i, v in total.items() if v != 0)), constant)
+
+
+def _scaled(form: LinearForm, factor: sp.Expr) -> LinearForm:
+    return LinearForm(tuple((i, factor * v) for i, v in form.coefficients), factor * form.constant)
+
+
+class _Basis:
+    """Linear forms found independent so far; expresses any other in them (Gaussian elimination, exact)."""
+
+    def __init__(self) -> None:
+        self.forms: list[LinearForm] = []
+        self.rows: list[tuple[int, dict[int, sp.Expr], dict[int, sp.Expr]]] = []  # pivot, row, combination
+
+    def add(self, form: LinearForm) -> None:
+        row, combination = self._reduce(form)
+        if not row:
+            return
+        number = len(self.forms)
+        self.forms.append(LinearForm(form.coefficients, form.constant))
+        combination = {k: -v for k, v in combination.items()}
+        combination[number] = sp.S.One
+        pivot = next(iter(row))
+        scale = row[pivot]
+        self.rows.append(
+            (
+                pivot,
+                {i: sp.cancel(v / scale) for i, v in row.items()},
+                {k: sp.cancel(v / scale) for k, v in combination.items()},
+            )
+        )
+
+    def express(self, form: LinearForm) -> sp.Expr:
+        """The form as a combination of the basis' arguments, with the constant that is left."""
+        row, combination = self._reduce(form)
+        assert not row, "every form was offered to the basis first"
+        arguments = _arguments(len(self.forms))
+        constant = form.constant - sp.Add(*(v * self.forms[k].constant for k, v in combination.items()))
+        return sp.Add(*(v * arguments[k] for k, v in combination.items())) + sp.expand(constant)
+
+    def _reduce(self, form: LinearForm) -> tuple[dict[int, sp.Expr], dict[int, sp.Expr]]:
+        row = dict(form.coefficients)
+        combination: dict[int, sp.Expr] = {}
+        for pivot, known, made_of in self.rows:
+            factor = row.get(pivot)
+            if factor is None:
+                continue
+            for i, value in known.items():
+                left = sp.cancel(row.get(i, sp.S.Zero) - factor * value)
+                row[i] = left
+                if left == 0:
+                    del row[i]
+            for k, value in made_of.items():
+                combination[k] = sp.cancel(combination.get(k, sp.S.Zero) + factor * value)
+        return row, {k: v for k, v in combination.items() if v != 0}

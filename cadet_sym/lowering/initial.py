@@ -1,0 +1,206 @@
+"""The moments at the start as a CasADi function of the parameters.
+
+Standing on stationary ground, the filter's covariance obeys C P + P C^T + D Q D^T = 0, and two wheels at
+setbacks L_i <= L_j on one track are correlated by E[xi_i xi_j^T] = exp(C (L_j - L_i)) P. The vehicle starts at
+x(0) = offset + map xi(0) + delta. Ground that is smooth behind the start has no covariance at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import casadi as ca
+import numpy as np
+import sympy as sp
+
+from cadet_sym.augment import AugmentedSystem, FilterCopy
+from cadet_sym.delay import Gap, TrackDelay, radau
+from cadet_sym.language.expression import DISTANCE, SPEED, SPEED_RATE, TIME
+from cadet_sym.lowering.expressions import to_casadi
+from cadet_sym.lowering.system import LoweredSystem
+
+__all__ = ["filter_matrices", "initial_moments"]
+
+_Environment = Mapping[sp.Symbol, ca.SX]
+
+
+def initial_moments(lowered: LoweredSystem) -> ca.Function:
+    """P -> y(0), packed; the caller has made sure that the filter has a stationary covariance.
+
+    Differentiable in p: the Lyapunov equation and the matrix exponential are written as linear solves.
+    """
+    equations = lowered.equations
+    system, packing = equations.quasi_linear.system, equations.packing
+    p = ca.MX.sym("p", len(lowered.parameters))
+    ground = _GroundStart(lowered, p)
+    nv, nf = system.vehicle_size, packing.n - system.vehicle_size
+    offset, linear, delta = _vehicle_start(lowered)(p)
+    P_ground = ground.covariance(nf)
+    cross = ca.mtimes(linear, P_ground)
+    P = ca.blockcat([[ca.mtimes(cross, linear.T) + delta, cross], [cross.T, P_ground]])
+    mean = ca.vertcat(offset, ca.MX.zeros(nf, 1))
+    triangle = ca.densify(P)[ca.Sparsity.lower(packing.n)].nz[:]
+    parts = [mean, triangle]
+    if packing.distance:
+        parts.append(lowered.motion(0, p)[3])
+    if equations.delay is not None:
+        for track in equations.delay.tracks:
+            parts += ground.correlation(track, nv, nf)
+    return ca.Function("initial", [p], [ca.densify(ca.vertcat(*parts))], ["p"], ["y"])
+
+
+def filter_matrices(lowered: LoweredSystem, copy: FilterCopy) -> ca.Function:
+    """P -> C, D Q D^T, D of one filter copy where it stands at the start."""
+    p, env = _start_environment(lowered)
+    here = {DISTANCE: env[DISTANCE] - to_casadi(copy.setback, env)}
+    C, D, Q = (_dense(m, {**env, **here}) for m in (copy.filter.C, copy.filter.D, copy.filter.Q))
+    return ca.Function("filter", [p], [C, ca.mtimes([D, Q, D.T]), D], ["p"], ["C", "DQD", "D"])
+
+
+class _GroundStart:
+    """Covariances of the filter copies at the start."""
+
+    def __init__(self, lowered: LoweredSystem, p: ca.MX) -> None:
+        self.lowered, self.p = lowered, p
+        self.system: AugmentedSystem = lowered.equations.quasi_linear.system
+        self.smooth = self.system.model.initial.ground == "smooth"
+        self.setback = lowered.noise(ca.MX.zeros(4), p)[2]
+        self.stationary: dict[int, tuple[ca.MX, ca.MX, ca.MX]] = {}
+
+    def matrices(self, copy: FilterCopy) -> tuple[ca.MX, ca.MX, ca.MX]:
+        """C, D and stationary P of a copy."""
+        if copy.start not in self.stationary:
+            C, forcing, D = filter_matrices(self.lowered, copy)(self.p)
+            self.stationary[copy.start] = C, D, _lyapunov(C, forcing)
+        return self.stationary[copy.start]
+
+    def covariance(self, nf: int) -> ca.MX:
+        """Covariance of all filter states, copies on one track correlated over the distance between them."""
+        if self.smooth or nf == 0:
+            return ca.MX.zeros(nf, nf)
+        copies = self.system.copies
+        rows = []
+        for a in copies:
+            row = []
+            for b in copies:
+                r = len(a.filter.states)
+                row.append(self._between(a, b) if a.track == b.track else ca.MX.zeros(r, r))
+            rows.append(row)
+        return ca.blockcat(rows)
+
+    def _between(self, a: FilterCopy, b: FilterCopy) -> ca.MX:
+        if a is b:
+            return self.matrices(a)[2]
+        distance = self.setback[b.columns[0]] - self.setback[a.columns[0]]
+        behind = float(self.system_value(b.setback) - self.system_value(a.setback))
+        if behind > 0:  # b is behind a: xi_a = exp(C d) xi_b + what the noise between them brought
+            C, _, P = self.matrices(b)
+            return ca.mtimes(_expm(C * distance, self._squarings(b, behind)), P)
+        return self._between(b, a).T
+
+    def system_value(self, expression: sp.Expr) -> float:
+        values = self.system.model.parameter_values()
+        return float(expression.subs({sp.Symbol(k, real=True): v for k, v in values.items()}))
+
+    def _squarings(self, copy: FilterCopy, distance: float) -> int:
+        """Halvings that bring |C d| below 1/16 at the declared parameters; it may grow 16-fold without harm."""
+        values = self.system.model.parameter_values()
+        C = filter_matrices(self.lowered, copy)(ca.DM([values[k] for k in self.lowered.parameters]))[0]
+        norm = float(np.abs(np.asarray(C)).sum(axis=1).max()) * abs(distance)
+        return max(0, int(np.ceil(np.log2(max(norm, 1e-300) * 16))))
+
+    def correlation(self, track: TrackDelay, nv: int, nf: int) -> list[ca.MX]:
+        """G at the nodes behind each wheel: exp(C (theta - L_k)) D in the rows of its copy, mapped to the vehicle.
+
+        Solved with the collocation itself, so that the discrete equations start without a transient. Ground that is
+        smooth behind the start is not read before its gate opens; the constants b_1, b_1 + b_2, .. may stand there.
+        """
+        copies = [next(c for c in self.system.copies if c.columns == columns) for columns in track.columns]
+        q = len(track.columns[0])
+        linear = _vehicle_start(self.lowered)(self.p)[1]
+        tails = [ca.MX.zeros(len(c.filter.states), q) for c in copies]
+        nodes = []
+        for k, gap in enumerate(track.gaps):
+            tails[k] = self.matrices_D(copies[k])
+            length = self.setback[copies[k + 1].columns[0]] - self.setback[copies[k].columns[0]]
+            for _ in range(gap.elements):
+                columns = [
+                    self._element(c, tail, gap, length / gap.elements)
+                    for c, tail in zip(copies, tails, strict=True)
+                ]
+                tails = [c[-1] for c in columns]
+                for j in range(gap.nodes):
+                    ground = ca.MX.zeros(nf, q)
+                    for copy, values in zip(copies, columns, strict=True):
+                        ground[copy.start - nv : copy.start - nv + values[j].size1(), :] = values[j]
+                    vehicle = ca.MX.zeros(nv, q) if self.smooth else ca.mtimes(linear, ground)
+                    nodes.append(ca.vec(ca.vertcat(vehicle, ground)))
+        return nodes
+
+    def matrices_D(self, copy: FilterCopy) -> ca.MX:
+        return filter_matrices(self.lowered, copy)(self.p)[2]
+
+    def _element(self, copy: FilterCopy, tail: ca.MX, gap: Gap, h: ca.MX) -> list[ca.MX]:
+        """Values at the nodes of one element, of G_theta = C G from the inflow `tail`."""
+        if self.smooth:
+            return [tail] * gap.nodes
+        _, D = radau(gap.nodes)
+        C = filter_matrices(self.lowered, copy)(self.p)[0]
+        r = C.size1()
+        operator = ca.kron(ca.DM(D[:, 1:]), ca.MX.eye(r)) - ca.kron(ca.MX.eye(gap.nodes), C * h)
+        inflow = -ca.kron(ca.DM(D[:, :1]), tail)
+        values = ca.solve(ca.densify(operator), ca.densify(inflow), "qr")
+        return [values[j * r : (j + 1) * r, :] for j in range(gap.nodes)]
+
+
+def _start_environment(lowered: LoweredSystem) -> tuple[ca.SX, dict[sp.Symbol, ca.SX]]:
+    """Parameters, t = 0, and the speed and place there."""
+    p = ca.SX.sym("p", len(lowered.parameters))
+    V, dV, _, start = lowered.motion(0, p)
+    env = lowered.environment(ca.vertcat(0, start, V, dV), p)
+    assert {TIME, DISTANCE, SPEED, SPEED_RATE} <= env.keys()
+    return p, env
+
+
+def _vehicle_start(lowered: LoweredSystem) -> ca.Function:
+    """P -> offset (nv), map (nv, nf), covariance (nv, nv) of the vehicle's initial state."""
+    p, env = _start_environment(lowered)
+    system = lowered.equations.quasi_linear.system
+    parts = [
+        _dense(matrix, env)
+        for matrix in (system.initial_offset, system.initial_map, system.initial_covariance)
+    ]
+    return ca.Function("vehicle", [p], parts, ["p"], ["offset", "map", "delta"])
+
+
+def _dense(matrix: sp.ImmutableMatrix, env: _Environment) -> ca.SX:
+    result = ca.SX.zeros(matrix.rows, matrix.cols)
+    for (i, j), value in matrix.todok().items():
+        result[i, j] = to_casadi(value, env)
+    return result
+
+
+def _lyapunov(C: ca.MX, forcing: ca.MX) -> ca.MX:
+    """P of C P + P C^T + forcing = 0, as one linear system over the r^2 entries."""
+    r = C.size1()
+    identity = ca.MX.eye(r)
+    operator = ca.densify(ca.kron(identity, C) + ca.kron(C, identity))
+    P = ca.reshape(ca.solve(operator, -ca.densify(ca.vec(forcing)), "qr"), r, r)
+    return (P + P.T) / 2
+
+
+def _expm(matrix: ca.MX, squarings: int) -> ca.MX:
+    """exp(matrix) by the [7/7] Pade approximant with scaling and squaring (Higham 2005)."""
+    coefficients = (17297280, 8648640, 1995840, 277200, 25200, 1512, 56, 1)
+    A = ca.densify(matrix) / 2.0**squarings
+    power, even, odd = ca.MX.eye(A.size1()), ca.MX.zeros(*A.shape), ca.MX.zeros(*A.shape)
+    for k, coefficient in enumerate(coefficients):
+        if k % 2 == 0:
+            even += coefficient * power
+        else:
+            odd += coefficient * power
+        power = ca.mtimes(power, A)
+    result = ca.solve(ca.densify(even - odd), ca.densify(even + odd), "qr")
+    for _ in range(squarings):
+        result = ca.mtimes(result, result)
+    return result
