@@ -8,6 +8,8 @@ variance vanishes. A function continuous at a kink has a change whose constant i
 With x = z - k, h = m - k, the change J(x) at the kink k contributes
 
     E[J 1(z > k)] for h < 0,   -E[J 1(z < k)] for h >= 0.
+
+Rates a may be complex: a function with sin and cos is the real part of such a sum.
 """
 
 from __future__ import annotations
@@ -17,30 +19,32 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import sympy as sp
-
-from cadet_sym.expectation.pieces import Partition
+from sympy.logic.boolalg import Boolean
 
 Exponent = tuple[sp.Expr, sp.Expr]  # a, b of exp(a z + b z^2)
+Coefficients = tuple[sp.Expr, ...]  # of z^0, z^1, ...
+Decomposition = dict[Exponent, Coefficients]
 PLAIN: Exponent = (sp.S.Zero, sp.S.Zero)
 JUMPS_KEPT = 4  # of the function and its derivatives: enough for F_0 .. F_4
 
 
 @dataclass(frozen=True)
 class Term:
-    """sum_n coefficients[n] x^n exp(rate x + curvature x^2), x the distance from a centre."""
+    """The real part of sum_n coefficients[n] x^n exp(rate x + curvature x^2), x the distance from a centre."""
 
     rate: sp.Expr
     curvature: sp.Expr
-    coefficients: tuple[sp.Expr, ...]
+    coefficients: Coefficients
 
     @property
-    def exponent(self) -> Exponent:
-        """The pair (rate, curvature)."""
-        return self.rate, self.curvature
+    def is_polynomial(self) -> bool:
+        """Whether there is no exponential."""
+        return (self.rate, self.curvature) == PLAIN
 
     def derivative(self) -> Term:
         """d/dx, of the same form."""
-        return Term(self.rate, self.curvature, _derivative(self.coefficients, self.exponent))
+        coefficients = _derivative(self.coefficients, (self.rate, self.curvature))
+        return Term(self.rate, self.curvature, coefficients)
 
 
 @dataclass(frozen=True)
@@ -55,158 +59,166 @@ class Segment:
 
 @dataclass(frozen=True)
 class Kink:
-    """By how much the function changes at a point: terms about that point, and the jumps of f, f', f'' they make."""
+    """By how much the function changes at a point: terms about that point."""
 
     position: sp.Expr
     terms: tuple[Term, ...]
-    jumps: tuple[sp.Expr, ...] = ()
 
 
 @dataclass(frozen=True)
 class PiecewiseForm:
     """A function as segments, and as changes at kinks."""
 
-    segments: tuple[Segment, ...]
-    kinks: tuple[Kink, ...]
+    segments: tuple[Segment, ...] = ()
+    kinks: tuple[Kink, ...] = ()
 
     def derivative(self) -> PiecewiseForm:
         """The derivative between the kinks, without the impulses that jumps leave there."""
-        segments = tuple(
-            Segment(s.lower, s.upper, s.centre, _nonzero(t.derivative() for t in s.terms))
-            for s in self.segments
+        segments = (
+            Segment(s.lower, s.upper, s.centre, _nonzero(t.derivative() for t in s.terms)) for s in self.segments
         )
-        kinks = tuple(
-            Kink(k.position, _nonzero(t.derivative() for t in k.terms), k.jumps[1:]) for k in self.kinks
-        )
-        return PiecewiseForm(segments, kinks)
-
-
-Decomposition = dict[Exponent, tuple[sp.Expr, ...]]  # exponent -> coefficients of z^n
+        kinks = (Kink(k.position, _nonzero(t.derivative() for t in k.terms)) for k in self.kinks)
+        return PiecewiseForm(tuple(s for s in segments if s.terms), tuple(k for k in kinks if k.terms))
 
 
 def decompose(expr: sp.Expr, z: sp.Symbol) -> Decomposition | None:
-    """Write a smooth expression as a sum of polynomial x exp(a z + b z^2); None if it is not one."""
+    """Write a smooth expression as a sum of polynomial x exp(a z + b z^2), a complex; None if it is not one."""
     if expr.is_polynomial(z):
         return {PLAIN: _coefficients(expr, z)}
-    if not expr.has(sp.exp, sp.sinh, sp.cosh, sp.Pow):
+    if not all(isinstance(f, _ELEMENTARY) or not f.has(z) for f in expr.atoms(sp.Function, sp.Pow)):
         return None
+    exponential = expr.replace(lambda e: isinstance(e, _TRIGONOMETRIC) and e.has(z), _as_exponentials)
     groups: dict[Exponent, list[sp.Expr]] = defaultdict(list)
-    for term in sp.Add.make_args(sp.expand(expr.rewrite([sp.sinh, sp.cosh], sp.exp), power_base=False)):
-        polynomial, exponent = [], []
-        for factor in sp.Mul.make_args(term):
-            base, power = factor.as_base_exp()
-            if base is sp.E:
-                exponent.append(power)
-            elif not base.has(z) and power.has(z) and base.is_positive:
-                exponent.append(power * sp.log(base))
-            else:
-                polynomial.append(factor)
-        product, total = sp.Mul(*polynomial), sp.expand(sp.Add(*exponent))
-        if not product.is_polynomial(z) or not total.is_polynomial(z) or sp.degree(total, z) > 2:
+    for term in sp.Add.make_args(sp.expand(exponential, power_base=False)):
+        factors = _separate(term, z)
+        if factors is None:
             return None
-        c, a, b = (total.coeff(z, n) for n in range(3))
-        if b != 0 and not b.is_nonpositive:
-            return None
-        groups[a, b].append(product * sp.exp(c))
-    return {key: _coefficients(sp.Add(*terms), z) for key, terms in groups.items()}
+        exponent, coefficient = factors
+        groups[exponent].append(coefficient)
+    return {key: _coefficients(sp.Add(*terms), z) for key, terms in _without_conjugates(groups).items()}
 
 
-def piecewise_form(partition: Iterable[tuple[sp.Expr, sp.Expr, Decomposition]]) -> PiecewiseForm:
-    """Join (lower, upper, decomposition) cells, which may overlap, into segments and kinks."""
+_TRIGONOMETRIC = (sp.sin, sp.cos, sp.sinh, sp.cosh)
+_ELEMENTARY = (*_TRIGONOMETRIC, sp.exp, sp.Pow)
+
+
+def _as_exponentials(function: sp.Expr) -> sp.Expr:
+    w = function.args[0]
+    i = sp.I if isinstance(function, sp.sin | sp.cos) else sp.S.One
+    sign = -1 if isinstance(function, sp.sin | sp.sinh) else 1
+    scale = 2 * i if sign < 0 else sp.Integer(2)
+    return (sp.exp(i * w) + sign * sp.exp(-i * w)) / scale
+
+
+def _separate(term: sp.Expr, z: sp.Symbol) -> tuple[Exponent, sp.Expr] | None:
+    """A product as ((a, b), polynomial) of polynomial x exp(a z + b z^2)."""
+    polynomial: list[sp.Expr] = []
+    exponents: list[sp.Expr] = []
+    for factor in sp.Mul.make_args(term):
+        base, power = factor.as_base_exp()
+        if isinstance(factor, sp.exp):
+            exponents.append(factor.args[0])
+        elif isinstance(base, sp.exp):
+            exponents.append(base.args[0] * power)
+        elif not base.has(z) and power.has(z) and base.is_positive:
+            exponents.append(power * sp.log(base))
+        else:
+            polynomial.append(factor)
+    product, total = sp.Mul(*polynomial), sp.expand(sp.Add(*exponents))
+    if not product.is_polynomial(z) or not total.is_polynomial(z) or sp.degree(total, z) > 2:
+        return None
+    c, a, b = (total.coeff(z, n) for n in range(3))
+    return (a, b), product * sp.exp(c)
+
+
+def _without_conjugates(groups: Mapping[Exponent, list[sp.Expr]]) -> dict[Exponent, list[sp.Expr]]:
+    """Of two conjugate terms keep one, doubled: the function is the real part of the sum."""
+    kept: dict[Exponent, list[sp.Expr]] = {}
+    for (a, b), terms in groups.items():
+        partner = (sp.conjugate(a), b)
+        if partner != (a, b) and partner in kept:
+            kept[partner] = [2 * t for t in kept[partner]]
+        else:
+            kept[a, b] = terms
+    return kept
+
+
+def piecewise_form(cells: Iterable[tuple[sp.Expr, sp.Expr, Boolean, Decomposition]]) -> PiecewiseForm:
+    """Join (lower, upper, condition, decomposition) cells, which may overlap, into segments and kinks."""
     segments: list[Segment] = []
-    changes: dict[sp.Expr, dict[Exponent, list[tuple[sp.Expr, ...]]]] = defaultdict(lambda: defaultdict(list))
-    for lower, upper, parts in partition:
+    changes: dict[sp.Expr, dict[Exponent, list[Coefficients]]] = defaultdict(lambda: defaultdict(list))
+    for lower, upper, condition, parts in cells:
         finite = [bound for bound in (lower, upper) if not bound.is_infinite]
         centre = finite[0] if finite else sp.S.Zero
-        terms = tuple(_shifted(key, coefficients, centre) for key, coefficients in parts.items())
-        segments.append(Segment(lower, upper, centre, terms))
+        parts = {key: tuple(_where(condition, c) for c in value) for key, value in parts.items()}
+        terms = _nonzero(_shifted(key, coefficients, centre) for key, coefficients in parts.items())
+        if terms:
+            segments.append(Segment(lower, upper, centre, terms))
         for bound in finite:
             for key, coefficients in parts.items():
-                changes[bound][key].append(
-                    coefficients if bound is lower else tuple(-c for c in coefficients)
-                )
-    kinks = (_kink(position, groups) for position, groups in changes.items())
+                signed = coefficients if bound is lower else tuple(-c for c in coefficients)
+                changes[bound][key].append(signed)
+    kinks = (Kink(position, _change(position, groups)) for position, groups in changes.items())
     return PiecewiseForm(tuple(segments), tuple(k for k in kinks if k.terms))
 
 
-def jumps(cells: Iterable[tuple[sp.Expr, sp.Expr, sp.Expr]], z: sp.Symbol) -> dict[sp.Expr, list[sp.Expr]]:
-    """Jumps of f, f', f'', .. at every bound of (lower, upper, value) cells."""
-    at: dict[sp.Expr, sp.Expr] = defaultdict(lambda: sp.S.Zero)
-    for lower, upper, value in cells:
-        if not lower.is_infinite:
-            at[lower] += value
-        if not upper.is_infinite:
-            at[upper] -= value
-    result = {}
-    for position, change in at.items():
-        sizes = []
-        for _ in range(JUMPS_KEPT):
-            sizes.append(normal(change.subs(z, position)))
-            change = sp.diff(change, z)
-        result[position] = sizes
-    return result
+def jumps_of(terms: Iterable[Term]) -> list[sp.Expr]:
+    """Jumps of f, f', f'', .. that a change at a kink makes."""
+    sizes, terms = [], list(terms)
+    for _ in range(JUMPS_KEPT):
+        total = sp.Add(*(t.coefficients[0] for t in terms if t.coefficients))
+        sizes.append(normal(total.as_real_imag()[0] if total.has(sp.I) else total))
+        terms = [t.derivative() for t in terms]
+    return sizes
 
 
-def bounded(partition: Partition) -> list[tuple[sp.Expr, sp.Expr, sp.Expr]]:
-    """Cells as (lower, upper, value); conditions on the parameters go into the value."""
-    result = []
-    for cell, value in partition:
-        if cell.conditions:
-            value = sp.Piecewise((value, sp.And(*cell.conditions)), (0, True))
-        result.append((cell.lower, cell.upper, value))
-    return result
+def _where(condition: Boolean, value: sp.Expr) -> sp.Expr:
+    if condition == sp.true or value == 0:
+        return value
+    return sp.Piecewise((value, condition), (sp.S.Zero, sp.true), evaluate=False)
 
 
-def _coefficients(expr: sp.Expr, z: sp.Symbol) -> tuple[sp.Expr, ...]:
+def _coefficients(expr: sp.Expr, z: sp.Symbol) -> Coefficients:
     return tuple(reversed(sp.Poly(expr, z).all_coeffs()))
 
 
-def _derivative(coefficients: tuple[sp.Expr, ...], exponent: Exponent) -> tuple[sp.Expr, ...]:
+def _derivative(coefficients: Coefficients, exponent: Exponent) -> Coefficients:
     a, b = exponent
     size = len(coefficients)
     at = dict(enumerate(coefficients))
     result = [
-        (n + 1) * at.get(n + 1, 0) + a * at.get(n, 0) + 2 * b * at.get(n - 1, 0) for n in range(size + 1)
+        (n + 1) * at.get(n + 1, sp.S.Zero) + a * at.get(n, sp.S.Zero) + 2 * b * at.get(n - 1, sp.S.Zero)
+        for n in range(size + 1)
     ]
     while result and result[-1] == 0:
         result.pop()
-    return tuple(sp.sympify(c) for c in result)
+    return tuple(result)
 
 
 def _nonzero(terms: Iterable[Term]) -> tuple[Term, ...]:
     return tuple(t for t in terms if any(c != 0 for c in t.coefficients))
 
 
-def _shifted(key: Exponent, coefficients: tuple[sp.Expr, ...], centre: sp.Expr) -> Term:
+def _shifted(key: Exponent, coefficients: Coefficients, centre: sp.Expr) -> Term:
     """Re-expand sum c_n z^n exp(a z + b z^2) in powers of x = z - centre."""
+    if centre == 0:
+        return Term(*key, tuple(normal(c) for c in coefficients))
     a, b = key
     factor = sp.exp(a * centre + b * centre**2)
-    shifted = [
-        normal(
-            factor
-            * sp.Add(
-                *(sp.binomial(j, n) * c * centre ** (j - n) for j, c in enumerate(coefficients) if j >= n)
-            )
-        )
-        for n in range(len(coefficients))
-    ]
-    while len(shifted) > 1 and shifted[-1] == 0:
-        shifted.pop()
+    shifted = []
+    for n in range(len(coefficients)):
+        powers = (sp.binomial(j, n) * coefficients[j] * centre ** (j - n) for j in range(n, len(coefficients)))
+        shifted.append(normal(factor * sp.Add(*powers)))
     return Term(normal(a + 2 * b * centre), b, tuple(shifted))
 
 
-def _kink(position: sp.Expr, groups: Mapping[Exponent, list[tuple[sp.Expr, ...]]]) -> Kink:
+def _change(position: sp.Expr, groups: Mapping[Exponent, list[Coefficients]]) -> tuple[Term, ...]:
     terms = []
     for key, changes in groups.items():
         size = max(map(len, changes))
         total = tuple(sp.Add(*(c[n] for c in changes if len(c) > n)) for n in range(size))
         terms.append(_shifted(key, total, position))
-    terms = list(_nonzero(terms))
-    jumps, differentiated = [], terms
-    for _ in range(JUMPS_KEPT):
-        jumps.append(normal(sp.Add(*(t.coefficients[0] for t in differentiated if t.coefficients))))
-        differentiated = [t.derivative() for t in differentiated]
-    return Kink(position, tuple(terms), tuple(jumps))
+    return _nonzero(terms)
 
 
 def normal(expr: sp.Expr) -> sp.Expr:
@@ -214,22 +226,24 @@ def normal(expr: sp.Expr) -> sp.Expr:
     if expr.is_Rational:
         return expr
     expanded = sp.expand(expr)
-    if expanded.is_Rational or expanded.is_Symbol or not expanded.is_Add:
-        return expanded
-    if expanded.is_polynomial(*expanded.free_symbols):
-        return expanded
+    if not expanded.is_Add or expanded.is_polynomial(*expanded.free_symbols):
+        return expanded if not expanded.has(*_RADICAL) or not _vanishes(expanded) else sp.S.Zero
     return sp.S.Zero if _vanishes(expanded) else expanded
+
+
+_RADICAL = (sp.Pow, sp.exp, sp.log, sp.Function)
 
 
 def _vanishes(expr: sp.Expr) -> bool:
     """Whether an expression is zero at points chosen at random, to many digits; never guessed for a conditional."""
-    if expr.has(sp.Piecewise, sp.Max, sp.Min, sp.Heaviside, sp.sign, sp.Abs):
+    terms = sp.Add.make_args(expr)
+    if len(terms) == 1 or expr.has(sp.Piecewise, sp.Max, sp.Min, sp.Heaviside, sp.sign, sp.Abs):
         return False
     symbols = sorted(expr.free_symbols, key=str)
     for start in (3, 11):
-        values = {s: sp.Rational(start + 2 * i, 7) + sp.sqrt(start + i) / 5 for i, s in enumerate(symbols)}
-        value = expr.subs(values)
-        size = sum((abs(sp.N(term.subs(values), 15)) for term in sp.Add.make_args(expr)), sp.Float(0))
-        if not abs(sp.N(value, 40)) <= size * sp.Float("1e-30"):
+        point = {s: sp.Rational(start + 2 * i, 7) + sp.sqrt(start + i) / 5 for i, s in enumerate(symbols)}
+        values = [sp.N(term.xreplace(point), 40) for term in terms]
+        size = sum((abs(value) for value in values), sp.Float(0))
+        if not abs(sum(values, sp.Float(0, 40))) <= size * sp.Float("1e-30"):
             return False
     return True

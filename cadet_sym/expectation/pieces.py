@@ -49,6 +49,15 @@ class Cell:
         return Cell(self.lowers, self.uppers, (*self.conditions, condition))
 
     @property
+    def condition(self) -> Boolean:
+        """All conditions on the parameters together."""
+        return sp.And(*self.conditions)
+
+    def indicated(self, value: sp.Expr) -> sp.Expr:
+        """The value where the conditions on the parameters hold, else zero."""
+        return sp.Piecewise((value, self.condition), (sp.S.Zero, sp.true)) if self.conditions else value
+
+    @property
     def lower(self) -> sp.Expr:
         """The largest lower bound."""
         return _extreme(self.lowers, sp.Max, sp.S.NegativeInfinity)
@@ -108,18 +117,34 @@ def _extreme(bounds: tuple[sp.Expr, ...], choose: Callable[..., sp.Expr], none: 
 
 
 @dataclass
-class _Splitter:
+class Splitter:
     """Cuts expressions in one variable; one method a kind of expression."""
 
     z: sp.Symbol
     where: str
     solved: dict[tuple[sp.Expr, Cell], list[tuple[Cell, int]]] = field(default_factory=dict)
 
+    def terms(self, body: sp.Expr) -> Partition:
+        """Cut a function at its kinks: it is the sum over all cells of the expression times the cell's indicator.
+
+        The cells of different terms of a sum overlap; what has no kink is left in one piece.
+        """
+        smooth: list[sp.Expr] = []
+        pieces: Partition = []
+        for term in sp.Add.make_args(body):
+            if has_kinks(term, self.z):
+                pieces.extend(self.split(term, Cell()))
+            else:
+                smooth.append(term)
+        if smooth:
+            pieces.append((Cell(), sp.Add(*smooth)))
+        return [(cell, value) for cell, value in pieces if value != 0]
+
     # -- values ---------------------------------------------------------------------------------------------------
 
     def split(self, expr: sp.Expr, cell: Cell) -> Partition:
         """Cells that fill the given one, with the smooth expression on each."""
-        if not expr.has(self.z) or not _has_kinks(expr, self.z):
+        if not expr.has(self.z) or not has_kinks(expr, self.z):
             return [(cell, expr)]
         for kind, rule in _RULES.items():
             if isinstance(expr, kind):
@@ -128,15 +153,13 @@ class _Splitter:
         else:
             pieces = self._through(expr, cell)
         if len(pieces) > MAX_PIECES:
-            raise LinearisationError(
-                f"{self.where}: more than {MAX_PIECES} pieces; simplify the nested conditions"
-            )
+            raise LinearisationError(f"{self.where}: more than {MAX_PIECES} pieces; simplify the nested conditions")
         return pieces
 
     def _through(self, expr: sp.Expr, cell: Cell) -> Partition:
         """A smooth function of several expressions with kinks: the common refinement of their partitions."""
-        smooth = [a for a in expr.args if not _has_kinks(a, self.z)]
-        kinked = [a for a in expr.args if _has_kinks(a, self.z)]
+        smooth = [a for a in expr.args if not has_kinks(a, self.z)]
+        kinked = [a for a in expr.args if has_kinks(a, self.z)]
         if not kinked:
             raise LinearisationError(
                 f"{self.where}: there is no rule for `{expr.func.__name__}` in `{expr}`; "
@@ -144,23 +167,15 @@ class _Splitter:
             )
         parts: list[tuple[Cell, tuple[sp.Expr, ...]]] = [(cell, ())]
         for argument in kinked:
-            parts = [
-                (inner, (*done, value))
-                for outer, done in parts
-                for inner, value in self.split(argument, outer)
-            ]
+            parts = [(inner, (*done, value)) for outer, done in parts for inner, value in self.split(argument, outer)]
         if isinstance(expr, (sp.Add, sp.Mul)):
             return [(c, expr.func(*smooth, *values)) for c, values in parts]
         index = {a: i for i, a in enumerate(kinked)}
-        return [
-            (c, expr.func(*(values[index[a]] if a in index else a for a in expr.args))) for c, values in parts
-        ]
+        return [(c, expr.func(*(values[index[a]] if a in index else a for a in expr.args))) for c, values in parts]
 
     def _abs(self, expr: sp.Expr, cell: Cell) -> Partition:
         return [
-            (c, value * sign)
-            for outer, value in self.split(expr.args[0], cell)
-            for c, sign in self.signs(value, outer)
+            (c, value * sign) for outer, value in self.split(expr.args[0], cell) for c, sign in self.signs(value, outer)
         ]
 
     def _sign(self, expr: sp.Expr, cell: Cell) -> Partition:
@@ -232,9 +247,7 @@ class _Splitter:
                 else:
                     yield from self.region(rest, c)
         elif isinstance(condition, (sp.Eq, sp.Ne)):
-            yield from (
-                (c, isinstance(condition, sp.Ne)) for c, sign in self._relation_signs(condition, cell)
-            )
+            yield from ((c, isinstance(condition, sp.Ne)) for c, sign in self._relation_signs(condition, cell))
         elif isinstance(condition, Relational):
             keep = 1 if isinstance(condition, (sp.Gt, sp.Ge)) else -1
             yield from ((c, sign == keep) for c, sign in self._relation_signs(condition, cell))
@@ -259,11 +272,11 @@ class _Splitter:
         if expr.is_positive or expr.is_negative:
             yield cell, 1 if expr.is_positive else -1
             return
-        affine = _affine(expr, self.z)
-        if affine is not None:
-            yield from self._affine_signs(*affine, cell)
+        line = affine(expr, self.z)
+        if line is not None:
+            yield from self._affine_signs(*line, cell)
             return
-        factors = _factors(expr, self.z)
+        factors = factors_of(expr, self.z)
         if len(factors) > 1:
             yield from self._product_signs(factors, cell)
             return
@@ -350,22 +363,22 @@ class _Splitter:
                             yield region, sign
 
 
-_RULES: dict[type, Callable[[_Splitter, sp.Expr, Cell], Partition]] = {
-    sp.Abs: _Splitter._abs,
-    sp.sign: _Splitter._sign,
-    sp.Heaviside: _Splitter._heaviside,
-    sp.Max: _Splitter._extremum,
-    sp.Min: _Splitter._extremum,
-    sp.Piecewise: _Splitter._piecewise,
+_RULES: dict[type, Callable[[Splitter, sp.Expr, Cell], Partition]] = {
+    sp.Abs: Splitter._abs,
+    sp.sign: Splitter._sign,
+    sp.Heaviside: Splitter._heaviside,
+    sp.Max: Splitter._extremum,
+    sp.Min: Splitter._extremum,
+    sp.Piecewise: Splitter._piecewise,
 }
 _KINKED = tuple(_RULES)
 
 
-def _has_kinks(expr: sp.Expr, z: sp.Symbol) -> bool:
+def has_kinks(expr: sp.Expr, z: sp.Symbol) -> bool:
     return any(node.has(z) for node in expr.atoms(*_KINKED))
 
 
-def _affine(expr: sp.Expr, z: sp.Symbol) -> tuple[sp.Expr, sp.Expr] | None:
+def affine(expr: sp.Expr, z: sp.Symbol) -> tuple[sp.Expr, sp.Expr] | None:
     """Slope and offset of an expression affine in z."""
     if not expr.is_polynomial(z):
         return None
@@ -375,14 +388,10 @@ def _affine(expr: sp.Expr, z: sp.Symbol) -> tuple[sp.Expr, sp.Expr] | None:
     return polynomial.coeff_monomial(z), polynomial.coeff_monomial(1)
 
 
-def _factors(expr: sp.Expr, z: sp.Symbol) -> list[sp.Expr]:
+def factors_of(expr: sp.Expr, z: sp.Symbol) -> list[sp.Expr]:
     """Factors whose product has the sign of the expression: odd powers once, even powers left out."""
     constant, factors = sp.factor_list(expr) if expr.is_polynomial(z) else (sp.S.One, _literal_factors(expr))
-    odd = [
-        base
-        for base, power in factors
-        if not (power.is_even if isinstance(power, sp.Basic) else power % 2 == 0)
-    ]
+    odd = [base for base, power in factors if not (power.is_even if isinstance(power, sp.Basic) else power % 2 == 0)]
     return [constant, *odd] if constant != 1 and odd else odd or [constant]
 
 
@@ -426,35 +435,3 @@ def _real_roots(polynomial: sp.Poly) -> list[sp.Expr]:
         if power % 2:
             roots.extend(sp.N(r, 30) for r in factor.real_roots())
     return sorted(roots, key=lambda r: float(r) if math.isfinite(float(r)) else 0.0)
-
-
-def split(body: sp.Expr, z: sp.Symbol, where: str) -> Partition:
-    """Cut a function at its kinks: cells that fill the line (sums apart, which may overlap), each with a smooth expression.
-
-    Parameters
-    ----------
-    body : the function, an expression in z and parameters.
-    z : its argument.
-    where : what to call the function in an error.
-
-    Returns
-    -------
-    Cells and the smooth expression on each. The cells of different terms of a sum overlap: the function is the sum over
-    all cells of the expression times the indicator of the cell.
-
-    Raises
-    ------
-    LinearisationError
-        If a condition cannot be solved for z.
-    """
-    splitter = _Splitter(z, where)
-    smooth: list[sp.Expr] = []
-    pieces: Partition = []
-    for term in sp.Add.make_args(body):
-        if _has_kinks(term, z):
-            pieces.extend(splitter.split(term, Cell()))
-        else:
-            smooth.append(term)
-    if smooth:
-        pieces.append((Cell(), sp.Add(*smooth)))
-    return [(cell, value) for cell, value in pieces if value != 0]

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import reduce
 
 import casadi as ca
@@ -11,6 +10,8 @@ import sympy as sp
 from sympy.logic.boolalg import BooleanFalse, BooleanTrue
 
 from cadet_sym.errors import LinearisationError
+from cadet_sym.expectation.tables import lookup_table
+from cadet_sym.language.vocabulary import Lookup
 
 Converter = Callable[..., ca.SX]
 
@@ -23,23 +24,18 @@ def to_casadi(expr: sp.Basic, env: Mapping[sp.Symbol, ca.SX]) -> ca.SX:
     LinearisationError
         If a function has no counterpart, or a symbol is not in `env`.
     """
-    return _Lowering(env).convert(expr)
+    return Lowering(env).convert(expr)
 
 
-def many_to_casadi(exprs: list[sp.Basic], env: Mapping[sp.Symbol, ca.SX]) -> list[ca.SX]:
-    """Convert several expressions that share subexpressions."""
-    lowering = _Lowering(env)
-    return [lowering.convert(expr) for expr in exprs]
-
-
-class _Lowering:
-    """One conversion: the symbols' meaning, and what has been converted so far."""
+class Lowering:
+    """Converts expressions under one meaning of the symbols; remembers what it has converted."""
 
     def __init__(self, env: Mapping[sp.Symbol, ca.SX]):
         self.env = env
         self.done: dict[sp.Basic, ca.SX] = {}
 
     def convert(self, expr: sp.Basic) -> ca.SX:
+        """The CasADi expression."""
         if expr not in self.done:
             self.done[expr] = self._convert(expr)
         return self.done[expr]
@@ -57,6 +53,8 @@ class _Lowering:
             return self._power(expr)
         if isinstance(expr, sp.Expr) and expr.is_number:
             return ca.SX(_number(expr))
+        if isinstance(expr, Lookup):
+            return curve(expr, self.convert(expr.argument))
         rule = _TABLE.get(type(expr))
         if rule is None:
             raise LinearisationError(f"`{type(expr).__name__}` in `{expr}` has no numerical counterpart")
@@ -69,9 +67,7 @@ class _Lowering:
             if isinstance(condition, BooleanTrue):
                 result = branch
             else:
-                result = ca.if_else(
-                    self.convert(condition), branch, ca.SX.nan() if result is None else result
-                )
+                result = ca.if_else(self.convert(condition), branch, ca.SX.nan() if result is None else result)
         assert result is not None
         return result
 
@@ -88,6 +84,23 @@ class _Lowering:
         if power == -sp.S.Half:
             return 1 / ca.sqrt(self.convert(base))
         return self.convert(base) ** self.convert(power)
+
+
+def curve(lookup: Lookup, x: ca.SX) -> ca.SX:
+    """A measured curve at a point, or at a column of points."""
+    table = lookup_table(lookup)
+    result = polynomial(table.segments[0], x - table.centres[0])
+    for knot, centre, segment in zip(table.knots, table.centres[1:], table.segments[1:], strict=True):
+        result = ca.if_else(x >= knot, polynomial(segment, x - centre), result)
+    return result
+
+
+def polynomial(coefficients: Sequence[float], x: ca.SX) -> ca.SX:
+    """sum_n coefficients[n] x^n."""
+    total = ca.SX(coefficients[-1])
+    for coefficient in reversed(coefficients[:-1]):
+        total = total * x + coefficient
+    return total
 
 
 def _number(expr: sp.Expr) -> float:
@@ -160,5 +173,3 @@ _TABLE: dict[type, Converter] = {
     sp.Or: _folded(ca.logic_or),
     sp.Not: ca.logic_not,
 }
-
-ROOT_TWO_PI = math.sqrt(2 * math.pi)

@@ -1,14 +1,18 @@
-"""The normal distribution in CasADi: smooth, exact in both tails, finite at zero variance."""
+"""The normal distribution in CasADi: exact in both tails, of complex argument too, finite at zero variance."""
 
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import casadi as ca
+import numpy as np
+
+from cadet_sym.lowering.complex import Complex, select
 
 # R(x) = (1 - Phi(x))/phi(x), Mills' ratio: R(x) = t p(2 t - 1), t = 5/(5 + x), x >= 0. Coefficients of p by rising power:
 # Chebyshev interpolation of R(x)/t at 60 points in 40 digits, cut where 1e-17 is reached, written in powers.
-# tests/test_expectation_normal.py makes them again.
+# tests/test_lowering_special.py makes them again.
 MILLS_SCALE = 5.0
 MILLS = (
     0.38561620943063152947,
@@ -37,12 +41,38 @@ MILLS = (
     6.6737009758463364172e-11,
     6.2512108943208252108e-11,
 )
+WEIDEMAN_ORDER = 40
 FAR = 39.0  # phi(39) is smaller than any number
+FRACTION_FROM = 3.0  # beyond, the recurrence upwards loses digits and the continued fraction converges
+FRACTION_TERMS = 40
 
 
 def density(u: ca.SX) -> ca.SX:
     """Standard normal density phi(u)."""
     return ca.exp(-u * u / 2) * (1 / math.sqrt(2 * math.pi))
+
+
+def hermite(u: ca.SX, order: int) -> ca.SX:
+    """He_n(u), the polynomials of the normal density."""
+    before, value = ca.SX(0), ca.SX(1)
+    for n in range(order):
+        before, value = value, u * value - n * before
+    return value
+
+
+def clipped(u: ca.SX) -> ca.SX:
+    """The argument of a density, kept where the density is not zero."""
+    return ca.if_else(u > FAR, FAR, ca.if_else(u < -FAR, -FAR, u))
+
+
+def magnitude(x: ca.SX) -> ca.SX:
+    """|x| with the slope of the right-hand side at zero, where `fabs` has none."""
+    return ca.if_else(x >= 0, x, -x)
+
+
+def positive_part(x: ca.SX) -> ca.SX:
+    """max(x, 0) with slope one at zero, where `fmax` has a half."""
+    return ca.if_else(x >= 0, x, 0)
 
 
 def mills_ratio(x: ca.SX) -> ca.SX:
@@ -55,21 +85,65 @@ def mills_ratio(x: ca.SX) -> ca.SX:
     return t * total
 
 
-def mills_moments(x: ca.SX, count: int) -> list[ca.SX]:
-    """r_n(x) = int_0^inf t^n exp(-x t - t^2/2) dt for n < count, x >= 0: E[(e - x)_+^n] = phi(x) r_n(x)."""
-    ratios = [mills_ratio(x)]
-    if count > 1:
-        ratios.append(1 - x * ratios[0])
+def upper_tail(x: ca.SX) -> ca.SX:
+    """1 - Phi(x), to full relative accuracy on both sides."""
+    near = density(clipped(x)) * mills_ratio(magnitude(clipped(x)))
+    return ca.if_else(x >= 0, near, 1 - near)
+
+
+def complex_mills_ratio(x: Complex) -> Complex:
+    """int_0^inf exp(-x t - t^2/2) dt for Re x >= 0, to 2e-14.
+
+    J. A. C. Weideman, "Computation of the complex error function", SIAM J. Numer. Anal. 31 (1994), 1497.
+    """
+    scale, coefficients = _weideman()
+    q = x * (1 / math.sqrt(2))
+    t = (Complex(ca.SX(scale)) + q).inverse()
+    Z = (Complex(ca.SX(scale)) - q) * t
+    total = Complex(ca.SX(coefficients[-1]))
+    for coefficient in reversed(coefficients[:-1]):
+        total = total * Z + Complex(ca.SX(coefficient))
+    value = total * t * t * 2.0 + t * (1 / math.sqrt(math.pi))
+    return value * math.sqrt(math.pi / 2)
+
+
+@cache
+def _weideman() -> tuple[float, list[float]]:
+    """Length and coefficients of the rational series of the complex error function."""
+    size = 4 * WEIDEMAN_ORDER
+    scale = math.sqrt(WEIDEMAN_ORDER / math.sqrt(2))
+    t = scale * np.tan(np.arange(1 - size // 2, size // 2) * np.pi / size)
+    values = np.concatenate([[0.0], np.exp(-(t**2)) * (scale**2 + t**2)])
+    series = np.real(np.fft.fft(np.fft.fftshift(values))) / size
+    return scale, [float(c) for c in series[1 : WEIDEMAN_ORDER + 1]]
+
+
+def mills_moments(x: Complex, count: int, *, far: bool = False) -> list[Complex]:
+    """r_n(x) = int_0^inf t^n exp(-x t - t^2/2) dt for n < count, Re x >= 0: E[(e - x)_+^n] = phi(x) r_n(x).
+
+    With `far`, full relative accuracy however large x is; without, absolute accuracy of phi(x) r_n(x).
+    """
+    ratio = Complex(mills_ratio(x.real)) if x.imaginary is None else complex_mills_ratio(x)
+    moments = [ratio, Complex(ca.SX(1)) - x * ratio][:count]
     for n in range(2, count):
-        ratios.append((n - 1) * ratios[n - 2] - x * ratios[n - 1])
-    return ratios
+        moments.append(moments[n - 2] * (n - 1) - x * moments[n - 1])
+    if not far or count == 1:
+        return moments
+    is_far = x.size_squared() > FRACTION_FROM**2
+    quotients = _fractions(x, count)
+    product = ratio
+    for n in range(1, count):
+        product = product * quotients[n - 1]
+        moments[n] = select(is_far, product, moments[n])
+    return moments
 
 
-def magnitude(x: ca.SX) -> ca.SX:
-    """|x| with the slope of the right-hand side at zero, where `fabs` has none."""
-    return ca.if_else(x >= 0, x, -x)
-
-
-def positive_part(x: ca.SX) -> ca.SX:
-    """max(x, 0) with slope one at zero, where `fmax` has a half."""
-    return ca.if_else(x >= 0, x, 0)
+def _fractions(x: Complex, count: int) -> list[Complex]:
+    """r_n/r_(n-1), n = 1 .. count - 1, by the continued fraction r_n/r_(n-1) = n/(x + r_(n+1)/r_n)."""
+    last = count + FRACTION_TERMS
+    tail = x.inverse() * float(last)
+    quotients: list[Complex] = []
+    for n in reversed(range(1, last)):
+        tail = (x + tail).inverse() * float(n)
+        quotients.append(tail)
+    return quotients[::-1][: count - 1]

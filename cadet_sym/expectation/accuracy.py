@@ -1,0 +1,129 @@
+"""Choose the order of a quadrature by its error over a grid of means and variances."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from cadet_sym.errors import ModelError
+from cadet_sym.expectation.quadrature import REACH, Integral, Rule, Sample, lay_out
+from cadet_sym.language.numeric import evaluate
+
+WANTED = 2e-12
+WARNED = 1e-8
+RULES = tuple(Rule(panels, order) for panels, order in ((3, 10), (4, 10), (4, 12), (4, 16), (5, 20), (8, 24)))
+REFERENCE = Rule(13, 32, 40)
+SPREADS = (0.03, 0.3, 1.0, 3.0, 10.0)
+PLACES = (-6.0, -2.5, -1.0, 0.0, 0.7, 2.0, 5.0)
+UNKNOWN = (1.0, 0.7, 1.3)  # numbers tried for a parameter whose value is not known
+
+
+class ExpectationWarning(UserWarning):
+    """An expectation is less accurate than it should be."""
+
+
+def chosen(part: Integral, where: str, sample: Sample) -> Integral:
+    """The piece with the cheapest rule that is accurate enough; a warning if none is."""
+    numbers = _numbers(part, sample)
+    if numbers is None:
+        return replace(part, rule=RULES[3], error=WANTED)
+    means, spreads = _grid(part, numbers)
+    derivative = part.derivative()
+    checked = [part] if any(part.singular) else [part, derivative]
+    references = [_estimate(replace(p, rule=REFERENCE), numbers, means, spreads) for p in checked]
+    error = np.inf
+    for rule in RULES:
+        error = max(
+            _error(_estimate(replace(p, rule=rule), numbers, means, spreads), reference)
+            for p, reference in zip(checked, references, strict=True)
+        )
+        if error <= WANTED:
+            return replace(part, rule=rule, error=error)
+    if error > WARNED:
+        warnings.warn(
+            f"{where}: quadrature of `{part.value}` is accurate to {error:.0e} only; "
+            "write it in steps that are less steep, or check it with cs.check",
+            ExpectationWarning,
+            stacklevel=2,
+        )
+    return replace(part, rule=RULES[-1], error=float(error))
+
+
+def _numbers(part: Integral, sample: Sample) -> dict[sp.Symbol, float] | None:
+    """Numbers for the parameters at which the expression has finite values near its cell's middle."""
+    free = (part.value.free_symbols | part.lower.free_symbols | part.upper.free_symbols) - {part.argument}
+    for guess in UNKNOWN:
+        numbers = {s: float(sample.get(s, guess * (1 + 0.1 * i))) for i, s in enumerate(sorted(free, key=str))}
+        low, high = _ends(part, numbers)
+        if not low < high:
+            continue
+        points = np.array([0.5 * (low + high), low + 0.1 * (high - low), low + 0.9 * (high - low)])
+        if np.all(np.isfinite(_value(part, numbers, points))):
+            return numbers
+    return None
+
+
+def _ends(part: Integral, numbers: dict[sp.Symbol, float]) -> tuple[float, float]:
+    low = -np.inf if part.lower.is_infinite else evaluate(part.lower, numbers)
+    high = np.inf if part.upper.is_infinite else evaluate(part.upper, numbers)
+    return (low if np.isfinite(low) else min(high, 0.0) - 3.0), (high if np.isfinite(high) else max(low, 0.0) + 3.0)
+
+
+def _value(part: Integral, numbers: dict[sp.Symbol, float], z: np.ndarray) -> np.ndarray:
+    try:
+        value = evaluate(part.value, {**numbers, part.argument: z})
+    except ModelError:
+        return np.full_like(z, np.nan)
+    return np.broadcast_to(value, z.shape)
+
+
+def _grid(part: Integral, numbers: dict[sp.Symbol, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Means and standard deviations around the kinks and steep places, on their scales."""
+    low, high = _ends(part, numbers)
+    points = [b for b, bound in ((low, part.lower), (high, part.upper)) if not bound.is_infinite]
+    points += [evaluate(place.centre, numbers) for place in part.steep]
+    widths = [evaluate(place.width, numbers) for place in part.steep]
+    scales = {abs(a - b) for a in points for b in points} | set(widths)
+    scales = sorted({s for s in scales if np.isfinite(s) and s > 1e-9}) or [1.0]
+    points = sorted({p for p in points if np.isfinite(p)}) or [0.0]
+    cells = [
+        (p + place * spread * scale, spread * scale)
+        for scale in (scales[0], scales[-1])
+        for spread in SPREADS
+        for p in points[:3]
+        for place in PLACES
+    ]
+    means, spreads = np.array(cells).T
+    return means, spreads
+
+
+def _estimate(
+    part: Integral, numbers: dict[sp.Symbol, float], means: np.ndarray, spreads: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """E[f] of the piece and E|f|, over the grid."""
+    low = np.full_like(means, -REACH)
+    high = np.full_like(means, REACH)
+    if not part.lower.is_infinite:
+        low = np.clip((evaluate(part.lower, numbers) - means) / spreads, -REACH, REACH)
+    if not part.upper.is_infinite:
+        high = np.clip((evaluate(part.upper, numbers) - means) / spreads, -REACH, REACH)
+    steep: list[tuple[Any, Any]] = [
+        ((evaluate(s.centre, numbers) - means) / spreads, evaluate(s.width, numbers) / spreads) for s in part.steep
+    ]
+    with np.errstate(all="ignore"):
+        pieces = lay_out(part, low, np.maximum(low, high), steep, np, lambda x: x[:, None])
+        values = [(_value(part, numbers, means + spreads * n.u), n.weight) for n in pieces]
+        total = sum(np.sum(np.where(w == 0, 0, v) * w, axis=0) for v, w in values)
+        size = sum(np.sum(np.where(w == 0, 0, np.abs(v)) * w, axis=0) for v, w in values)
+    return np.asarray(total), np.asarray(size)
+
+
+def _error(found: tuple[np.ndarray, np.ndarray], reference: tuple[np.ndarray, np.ndarray]) -> float:
+    with np.errstate(all="ignore"):
+        errors = np.abs(found[0] - reference[0]) / np.maximum(reference[1], 1e-280)
+    errors = errors[np.isfinite(errors) & (reference[1] > 1e-12)]
+    return float(errors.max()) if errors.size else 0.0

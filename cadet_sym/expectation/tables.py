@@ -1,0 +1,99 @@
+"""Measured curves: a table as pieces of numbers, so that its expectation costs one pass over the rows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import sympy as sp
+
+from cadet_sym.expectation.pieces import affine
+from cadet_sym.language.curve import coefficients
+from cadet_sym.language.numeric import quotient
+from cadet_sym.language.vocabulary import Lookup
+
+
+@dataclass(frozen=True)
+class Table:
+    """factor * curve(slope z + offset), the curve a polynomial in each interval between its knots.
+
+    `segments[i]` holds the polynomial below knot i, the last one that above the last knot; in powers of the distance from
+    `centres[i]`. `changes[i]` is by how much the polynomial changes at knot i, in powers of the distance from it.
+    """
+
+    factor: sp.Expr
+    slope: sp.Expr
+    offset: sp.Expr
+    knots: tuple[float, ...]
+    centres: tuple[float, ...]
+    segments: tuple[tuple[float, ...], ...]
+    changes: tuple[tuple[float, ...], ...]
+
+    @property
+    def degree(self) -> int:
+        """Degree of the polynomials."""
+        return len(self.segments[0]) - 1
+
+
+def tables_in(body: sp.Expr, z: sp.Symbol) -> tuple[tuple[Table, ...], sp.Expr]:
+    """Take the terms `factor * curve(affine in z)` out of a sum; write all other curves out as conditionals."""
+    tables, rest = [], []
+    for term in sp.Add.make_args(body):
+        if not term.has(Lookup):
+            rest.append(term)
+            continue
+        factor, curve = term.as_independent(z, as_Add=False)
+        line = affine(curve.argument, z) if isinstance(curve, Lookup) else None
+        if line is None or factor.has(Lookup):
+            rest.append(written_out(term))
+        else:
+            tables.append(_table(curve, factor, *line))
+    return tuple(tables), sp.Add(*rest)
+
+
+def written_out(expr: sp.Expr) -> sp.Expr:
+    """The expression with every curve as a conditional."""
+    return expr.replace(lambda e: isinstance(e, Lookup), lambda e: e.as_piecewise())
+
+
+def lookup_table(curve: Lookup) -> Table:
+    """The curve itself, in numbers."""
+    return _table(curve, sp.S.One, sp.S.One, sp.S.Zero)
+
+
+def _table(curve: Lookup, factor: sp.Expr, slope: sp.Expr, offset: sp.Expr) -> Table:
+    pieces = [list(piece) for piece in coefficients(curve)]
+    knots = list(curve.knots)
+    size = len(pieces[0])
+    centres = knots[:-1]
+    if curve.outside == "hold":
+        flat = [sp.S.Zero] * (size - 1)
+        pieces = [[curve.values[0], *flat], *pieces, [curve.values[-1], *flat]]
+        centres = [knots[0], *centres, knots[-1]]
+        bends = knots
+    else:
+        bends = knots[1:-1]
+    changes = [_difference(pieces[i + 1], _moved(pieces[i], knot - centres[i])) for i, knot in enumerate(bends)]
+    return Table(
+        factor, slope, offset, _floats(bends), _floats(centres),
+        tuple(map(_floats, pieces)), tuple(map(_floats, changes)),
+    )  # fmt: skip
+
+
+def _moved(polynomial: Sequence[sp.Expr], by: sp.Expr) -> list[sp.Expr]:
+    """Coefficients about a centre further on."""
+    result = list(polynomial)
+    for start in range(len(result) - 1):  # Horner's rule, repeated
+        for n in reversed(range(start, len(result) - 1)):
+            result[n] += by * result[n + 1]
+    return result
+
+
+def _difference(after: Sequence[sp.Expr], before: Sequence[sp.Expr]) -> list[sp.Expr]:
+    """Change at a knot; the curve has no jumps, and a monotone one no bends, beyond the rounding of its slopes."""
+    change = [a - b for a, b in zip(after, before, strict=True)]
+    return [sp.S.Zero if abs(c) < abs(a) * sp.Rational(1, 10**14) else c for c, a in zip(change, after, strict=True)]
+
+
+def _floats(numbers: Sequence[sp.Expr]) -> tuple[float, ...]:
+    return tuple(quotient(number) for number in numbers)

@@ -1,0 +1,108 @@
+"""A function of one Gaussian variable, made ready for its expectation: closed form, tables and integrals."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import sympy as sp
+
+from cadet_sym.expectation.closed_form import (
+    JUMPS_KEPT,
+    PLAIN,
+    PiecewiseForm,
+    decompose,
+    jumps_of,
+    normal,
+    piecewise_form,
+)
+from cadet_sym.expectation.existence import require_expectation
+from cadet_sym.expectation.pieces import Cell, Splitter
+from cadet_sym.expectation.quadrature import Integral, Sample, integral
+from cadet_sym.expectation.tables import Table, tables_in
+
+
+@dataclass(frozen=True)
+class Jump:
+    """Jumps of f, f', f'', .. at a kink."""
+
+    position: sp.Expr
+    sizes: tuple[sp.Expr, ...]
+
+
+@dataclass(frozen=True)
+class Univariate:
+    """f(z) = closed + tables + integrals; the jumps are those of closed and integrals."""
+
+    closed: PiecewiseForm
+    jumps: tuple[Jump, ...] = ()
+    tables: tuple[Table, ...] = ()
+    integrals: tuple[Integral, ...] = ()
+
+    @property
+    def error(self) -> float:
+        """Estimated relative error; 0 in closed form."""
+        return max((part.error for part in self.integrals), default=0.0)
+
+    @property
+    def nodes(self) -> int:
+        """Points at which f is evaluated; 0 in closed form."""
+        return sum(part.nodes for part in self.integrals)
+
+    @property
+    def is_piecewise_polynomial(self) -> bool:
+        """Whether f is made of polynomials between kinks, tables apart."""
+        terms = [t for part in (*self.closed.segments, *self.closed.kinks) for t in part.terms]
+        return not self.tables and not self.integrals and all(t.is_polynomial for t in terms)
+
+
+def univariate(body: sp.Expr, z: sp.Symbol, where: str, sample: Sample) -> Univariate:
+    """Cut a function of one variable at its kinks and find the expectation of every piece.
+
+    Raises
+    ------
+    LinearisationError
+        If a piece has no Gaussian expectation, or its bounds cannot be found.
+    """
+    splitter = Splitter(z, where)
+    tables, rest = tables_in(body, z)
+    known, integrals, cells = [], [], []
+    for cell, value in splitter.terms(rest):
+        require_expectation(value, cell, splitter)
+        parts = decompose(value, z)
+        if parts is not None and _is_summable(parts, cell):
+            known.append((cell.lower, cell.upper, cell.condition, parts))
+        else:
+            cells.append((cell, value))
+            integrals.append(integral(cell, value, z, where, sample))
+    closed = piecewise_form(known)
+    found = {kink.position: jumps_of(kink.terms) for kink in closed.kinks}
+    for position, sizes in _jumps(cells, z).items():
+        before = found.get(position, [sp.S.Zero] * JUMPS_KEPT)
+        found[position] = [normal(a + b) for a, b in zip(before, sizes, strict=True)]
+    jumps = (Jump(k, tuple(sizes)) for k, sizes in found.items() if any(size != 0 for size in sizes))
+    return Univariate(closed, tuple(jumps), tables, tuple(integrals))
+
+
+def _is_summable(parts: Iterable[tuple[sp.Expr, sp.Expr]], cell: Cell) -> bool:
+    """Whether the closed form holds: exp(b z^2) with b > 0 has one at small variance only."""
+    whole = not cell.lowers and not cell.uppers
+    return all(b == PLAIN[1] or b.is_nonpositive or (whole and not b.is_positive) for _, b in parts)
+
+
+def _jumps(cells: Iterable[tuple[Cell, sp.Expr]], z: sp.Symbol) -> dict[sp.Expr, list[sp.Expr]]:
+    at: dict[sp.Expr, sp.Expr] = defaultdict(lambda: sp.S.Zero)
+    for cell, value in cells:
+        for bound, sign in ((cell.lower, 1), (cell.upper, -1)):
+            if not bound.is_infinite:
+                at[bound] += sign * cell.indicated(value)
+    result = {}
+    for position, change in at.items():
+        sizes = []
+        for _ in range(JUMPS_KEPT):
+            size = normal(change.subs(z, position))
+            sizes.append(size if size.is_finite is not False and size is not sp.nan else sp.S.Zero)
+            change = sp.diff(change, z)
+        result[position] = sizes
+    return result

@@ -1,0 +1,227 @@
+"""Expectation of a function of one Gaussian variable, and its derivatives in the mean, as CasADi expressions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import casadi as ca
+import sympy as sp
+
+from cadet_sym.expectation.closed_form import Kink, PiecewiseForm, Segment, Term
+from cadet_sym.expectation.quadrature import REACH, Integral, Nodes, lay_out
+from cadet_sym.expectation.steep import about_end
+from cadet_sym.expectation.univariate import Univariate
+from cadet_sym.lowering.complex import Complex, complex_exp, select
+from cadet_sym.lowering.expressions import Lowering
+from cadet_sym.lowering.special import clipped, density, hermite, magnitude, mills_moments, positive_part
+from cadet_sym.lowering.tables import table_moment
+
+# Added to the variance inside: far below what the variance of any state is resolved to, so that F and the gain are those
+# of the variance itself, and far above the square root of the smallest number, so that s^-4 (the fourth derivative at a
+# jump) is finite.
+FLOOR = 1e-150
+
+
+@dataclass
+class Gaussian:
+    """One normal distribution N(m, p), and what the expectations under it share."""
+
+    m: ca.SX
+    p: ca.SX
+    env: Mapping[sp.Symbol, ca.SX]
+    lowering: Lowering = field(init=False)
+
+    def __post_init__(self):
+        self.lowering = Lowering(self.env)
+        self.p = positive_part(self.p)
+        self.v = self.p + FLOOR
+        self.s = ca.sqrt(self.v)
+        self.densities: dict[sp.Expr, tuple[ca.SX, ca.SX]] = {}
+        self.tilts: dict[tuple[sp.Expr, ...], Tilt] = {}
+        self.tails: dict[tuple[sp.Expr, ...], tuple[ca.SX, list[Complex]]] = {}
+
+    def value(self, expr: sp.Expr) -> ca.SX:
+        """A parameter expression."""
+        return self.lowering.convert(expr)
+
+    def complex_value(self, expr: sp.Expr) -> Complex:
+        """A parameter expression that may be complex."""
+        if not expr.has(sp.I):
+            return Complex(self.value(expr))
+        real, imaginary = expr.as_real_imag()
+        return Complex(self.value(real), self.value(imaginary))
+
+    def expectation(self, function: Univariate, order: int = 0) -> ca.SX:
+        """F_k = d^k E[f] / dm^k."""
+        form, integrals = function.closed, function.integrals
+        singular = any(any(part.singular) for part in integrals)
+        if singular and order > 1:
+            raise ValueError("beyond the gain, a function with a singular point is differentiated by CasADi")
+        for _ in range(order):
+            form = form.derivative()
+        total = self._piecewise(form)
+        for jump in function.jumps:
+            for j, size in enumerate(jump.sizes[:order]):
+                if size != 0:
+                    total += self.value(size) * self.impulse(jump.position, order - 1 - j)
+        for table in function.tables:
+            total += table_moment(table, self, order)
+        for part in integrals:
+            total += self._integral(part, order)
+        return total
+
+    # -- closed form ----------------------------------------------------------------------------------------------
+
+    def density(self, position: sp.Expr) -> tuple[ca.SX, ca.SX]:
+        """phi(u) and u = (m - k)/s, the latter kept where phi is not zero."""
+        if position not in self.densities:
+            u = clipped((self.m - self.value(position)) / self.s)
+            self.densities[position] = density(u), u
+        return self.densities[position]
+
+    def impulse(self, position: sp.Expr, order: int) -> ca.SX:
+        """d^order/dm^order of phi((m - k)/s)/s."""
+        phi, u = self.density(position)
+        return (-1) ** order * hermite(u, order) * phi / self.s ** (order + 1)
+
+    def tilt(self, centre: sp.Expr, term: Term) -> Tilt:
+        """The normal distribution times exp(a x + b x^2), x = z - centre, normalised."""
+        key = centre, term.rate, term.curvature
+        if key not in self.tilts:
+            self.tilts[key] = _tilted(self, centre, term)
+        return self.tilts[key]
+
+    def _piecewise(self, form: PiecewiseForm) -> ca.SX:
+        """E of the segment that holds the mean, and the tails of the changes at all kinks."""
+        total = ca.SX(0)
+        for segment in form.segments:
+            for term in segment.terms:
+                total += self._segment(segment, term)
+        for kink in form.kinks:
+            for term in kink.terms:
+                total += self._tail(kink, term)
+        return total
+
+    def _segment(self, segment: Segment, term: Term) -> ca.SX:
+        tilt = self.tilt(segment.centre, term)
+        powers = _heat_polynomials(tilt.mean, tilt.p, len(term.coefficients))
+        total = Complex(ca.SX(0))
+        for coefficient, power in zip(term.coefficients, powers, strict=True):
+            if coefficient != 0:
+                total = total + self.complex_value(coefficient) * power
+        value = (total * tilt.weight).real
+        position = tilt.mean.real + self.value(segment.centre)
+        if not segment.lower.is_infinite:
+            value = ca.if_else(position >= self.value(segment.lower), value, 0)
+        if not segment.upper.is_infinite:
+            value = ca.if_else(position < self.value(segment.upper), value, 0)
+        return value
+
+    def _tail(self, kink: Kink, term: Term) -> ca.SX:
+        """E of the change above a kink that lies above the mean, or less that below a kink below the mean."""
+        tilt = self.tilt(kink.position, term)
+        above, ratios = self._ratios(kink.position, term, tilt)
+        total, power = Complex(ca.SX(0)), ca.SX(1)
+        for n, coefficient in enumerate(term.coefficients):
+            if coefficient != 0:
+                # of odd powers the reflected tail has the same sign
+                ratio = ratios[n] if n % 2 else select(above, -ratios[n], ratios[n])
+                total = total + self.complex_value(coefficient) * ratio * power
+            power = power * tilt.s
+        scale = self.density(kink.position)[0]
+        return total.real * scale if term.curvature == 0 else total.real * scale * tilt.s / self.s
+
+    def _ratios(self, position: sp.Expr, term: Term, tilt: Tilt) -> tuple[ca.SX, list[Complex]]:
+        """Whether the mean is above the kink, and r_n(|u|)."""
+        key, count = (position, term.rate, term.curvature), len(term.coefficients)
+        if key not in self.tails or len(self.tails[key][1]) < count:
+            u = tilt.mean * (1 / tilt.s)
+            if term.is_polynomial:
+                u = Complex(clipped(u.real))
+            above = u.real >= 0
+            x = Complex(magnitude(u.real))
+            if u.imaginary is not None:
+                x = Complex(x.real, ca.if_else(above, u.imaginary, -u.imaginary))
+            self.tails[key] = above, mills_moments(x, count, far=not term.is_polynomial)
+        return self.tails[key]
+
+    # -- quadrature -----------------------------------------------------------------------------------------------
+
+    def within(self, position: sp.Expr) -> ca.SX:
+        """A point in standard deviations from the mean, kept within reach."""
+        return ca.fmin(ca.fmax((self.value(position) - self.m) / self.s, -REACH), REACH)
+
+    def _integral(self, part: Integral, order: int) -> ca.SX:
+        if part.singular == (False, False):
+            for _ in range(order):
+                part = part.derivative()
+            order = 0
+        low = ca.SX(-REACH) if part.lower.is_infinite else self.within(part.lower)
+        high = ca.SX(REACH) if part.upper.is_infinite else ca.fmax(low, self.within(part.upper))
+        steep = [((self.value(p.centre) - self.m) / self.s, self.value(p.width) / self.s) for p in part.steep]
+        total = ca.SX(0)
+        for nodes in lay_out(part, low, high, steep, ca, ca.DM):
+            if nodes.distance is not None:
+                total += self._singular(part, nodes, order)
+            else:
+                regular = part.derivative() if order else part
+                total += ca.dot(nodes.weight, self._at(regular.value, part.argument, self.m + self.s * nodes.u))
+        return total
+
+    def _at(self, expr: sp.Expr, symbol: sp.Symbol, points: ca.SX) -> ca.SX:
+        values = ca.SX(Lowering({**self.env, symbol: points}).convert(expr))
+        return values if values.shape == points.shape else ca.repmat(values, *points.shape)
+
+    def _singular(self, part: Integral, nodes: Nodes, order: int) -> ca.SX:
+        """The panel at a singular end; its gain by parts where the end is within reach, for f' is infinite there."""
+        end = part.lower if nodes.end < 0 else part.upper
+        beyond = nodes.end * (self.m - self.value(end)) / self.s - REACH
+        gap = ca.if_else(beyond > 0, beyond, 0)
+        x = sp.Dummy("x", positive=True)
+        value = about_end(part.value, part.argument, end, nodes.end, x)
+        assert nodes.distance is not None
+        distances = self.s * (nodes.distance + gap)
+        if order == 0:
+            return ca.dot(nodes.weight, self._at(value, x, distances))
+        slope = -nodes.end * sp.diff(value, x)
+        plain = ca.dot(nodes.weight, self._at(slope, x, distances))
+        origin = value.subs(x, 0)
+        change = value - origin if origin.is_finite else value
+        inner = nodes.end_u - nodes.end * nodes.length
+        boundary = -nodes.end * self._at(change, x, self.s * (nodes.length + gap)) * density(inner)
+        parts = boundary + ca.dot(nodes.weight * nodes.u, self._at(change, x, distances))
+        return ca.if_else(beyond > 0, plain, parts / self.s)
+
+
+@dataclass(frozen=True)
+class Tilt:
+    """N(m, p) times exp(a x + b x^2), x = z - centre: a normal distribution of x, and its weight."""
+
+    mean: Complex  # of x
+    p: ca.SX
+    s: ca.SX
+    weight: Complex
+
+
+def _tilted(gaussian: Gaussian, centre: sp.Expr, term: Term) -> Tilt:
+    h = gaussian.m - gaussian.value(centre)
+    if term.is_polynomial:
+        return Tilt(Complex(h), gaussian.p, gaussian.s, Complex(ca.SX(1)))
+    a, p = gaussian.complex_value(term.rate), gaussian.p
+    if term.curvature == 0:
+        exponent = a * h + a * a * (p / 2)
+        return Tilt(Complex(h) + a * p, p, gaussian.s, complex_exp(exponent))
+    b = gaussian.value(term.curvature)
+    shrink = 1 / (1 - 2 * b * p)
+    exponent = (a * h + a * a * (p / 2) + Complex(b * h * h)) * shrink
+    s = ca.sqrt(gaussian.v / (1 - 2 * b * gaussian.v))
+    return Tilt((Complex(h) + a * p) * shrink, p * shrink, s, complex_exp(exponent) * ca.sqrt(shrink))
+
+
+def _heat_polynomials(h: Complex, p: ca.SX, count: int) -> list[Complex]:
+    """E[(h + sqrt(p) e)^n], n < count."""
+    powers = [Complex(ca.SX(1)), h]
+    for n in range(2, count):
+        powers.append(h * powers[n - 1] + powers[n - 2] * ((n - 1) * p))
+    return powers[:count]

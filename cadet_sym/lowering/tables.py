@@ -1,0 +1,72 @@
+"""Expectation of a measured curve: all its knots at once, as columns."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+
+from cadet_sym.expectation.tables import Table
+from cadet_sym.lowering.complex import Complex
+from cadet_sym.lowering.special import clipped, density, hermite, magnitude, mills_moments
+
+if TYPE_CHECKING:
+    from cadet_sym.lowering.gaussian import Gaussian
+
+
+def table_moment(table: Table, gaussian: Gaussian, order: int) -> ca.SX:
+    """d^order/dm^order of E[factor * curve(slope z + offset)]."""
+    slope = gaussian.value(table.slope)
+    mean = slope * gaussian.m + gaussian.value(table.offset)
+    p, s = slope * slope * gaussian.p, ca.fabs(slope) * gaussian.s
+    total = _segments(table, mean, p, order)
+    if table.knots:
+        total += _tails(table, mean, s, order)
+    return gaussian.value(table.factor) * slope**order * total
+
+
+def _derivatives(rows: tuple[tuple[float, ...], ...], order: int) -> np.ndarray:
+    """Coefficients of the derivative of the polynomials, (rows, degree + 1 - order)."""
+    coefficients = np.array(rows)
+    for _ in range(order):
+        coefficients = coefficients[:, 1:] * np.arange(1, coefficients.shape[1])
+    return coefficients
+
+
+def _segments(table: Table, mean: ca.SX, p: ca.SX, order: int) -> ca.SX:
+    """E of the polynomial around the mean, as if it held everywhere."""
+    coefficients = _derivatives(table.segments, order)
+    if coefficients.shape[1] == 0:
+        return ca.SX(0)
+    knots = ca.DM(table.knots)
+    above = ca.vertcat(1, mean >= knots)
+    here = above * ca.vertcat(1 - above[1:], 1)
+    h = mean - ca.DM(table.centres)
+    # where the mean is not, the distance is taken as zero: a number far too large must not come in times zero
+    h = ca.if_else(here > 0, h, 0)
+    powers = [ca.SX.ones(len(table.centres)), h]
+    for n in range(2, coefficients.shape[1]):
+        powers.append(h * powers[n - 1] + (n - 1) * p * powers[n - 2])
+    value = sum((ca.DM(c) * x for c, x in zip(coefficients.T, powers, strict=False)), start=ca.SX(0))
+    return ca.dot(here, value)
+
+
+def _tails(table: Table, mean: ca.SX, s: ca.SX, order: int) -> ca.SX:
+    """The changes at the knots, each beyond its knot as seen from the mean; impulses where a derivative jumps."""
+    u = clipped((mean - ca.DM(table.knots)) / s)
+    phi = density(u)
+    total = ca.SX.zeros(len(table.knots))
+    coefficients = _derivatives(table.changes, order)
+    if coefficients.shape[1]:
+        ratios = mills_moments(Complex(magnitude(u)), coefficients.shape[1])
+        side = ca.if_else(u >= 0, -1, 1)
+        for n, column in enumerate(coefficients.T):
+            if np.any(column):
+                total += ca.DM(column) * s**n * ratios[n].real * (1 if n % 2 else side)
+    for j in range(order):  # the j-th derivative jumps by j! c_j
+        jumps = _derivatives(table.changes, j)
+        i = order - 1 - j
+        if jumps.shape[1] and np.any(jumps[:, 0]):
+            total += ca.DM(jumps[:, 0]) * (-1) ** i * hermite(u, i) / s ** (i + 1)
+    return ca.dot(phi, total)
