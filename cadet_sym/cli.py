@@ -45,7 +45,9 @@ RelativeTolerance = Annotated[float | None, typer.Option("--rtol", metavar="R", 
 
 def _print_version(asked: bool) -> None:
     if asked:
-        print(cs.__version__)
+        from importlib.metadata import version
+
+        print(version("cadet-sym"))
         raise typer.Exit
 
 
@@ -154,8 +156,7 @@ def validate(
         watch.lap("compiling")
         history = compiled.propagate()
         watch.lap("CADET")
-        with _progress(paths) as advance:
-            simulation = cs.simulate(declared, paths=paths, seed=seed, progress=advance)
+        simulation = cs.simulate(declared, paths=paths, seed=seed, progress=sys.stderr.isatty())
         watch.lap("simulation")
         comparison = cs.compare(history, simulation)
         if plot:

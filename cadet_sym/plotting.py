@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from cadet_sym.simulate import Ensemble
+
 __all__ = ["moments_figure", "save_figure", "sweep_figure"]
 
 LINE, POINTS, FAINT = "#14446e", "#c8541b", "#d9d9d9"
@@ -44,7 +46,7 @@ ROW_HEIGHT, WIDTH = 2.3, 7.0  # inches; the width of a page's text
 MOST_POINTS = 26  # of the simulation, drawn along a run
 
 
-def moments_figure(history: MomentHistory, simulation: Any = None, names: Sequence[str] = ()) -> Figure:
+def moments_figure(history: MomentHistory, simulation: Ensemble | None = None, names: Sequence[str] = ()) -> Figure:
     """Mean and variance of each of ``names`` against time, and the simulation's beside them if there is one.
 
     Parameters
@@ -62,9 +64,7 @@ def moments_figure(history: MomentHistory, simulation: Any = None, names: Sequen
                 if simulation is not None:
                     _draw_simulation(axes, simulation, name, moment)
                 axes.set_xlim(history.time[0], history.time[-1])
-        if simulation is not None:
-            panels[0, 0].legend(loc="best")
-        figure.suptitle(history.model, fontsize=10.5)
+        _finish(figure, panels, history.model, legend=simulation is not None)
     return figure
 
 
@@ -78,12 +78,8 @@ def sweep_figure(sweep: StationarySweep, names: Sequence[str] = (), unit: str = 
         for name, pair in zip(rows, panels, strict=True):
             for axes, moment in zip(pair, ("mean", "variance"), strict=True):
                 values = np.array([getattr(each, moment)[name] for each in found])
-                _draw_branches(
-                    axes, sweep.values_found, values, stable, joined=len(found) == len(sweep.values)
-                )
-        if not stable.all():
-            panels[0, 0].legend(loc="best")
-        figure.suptitle(f"{sweep.model}: stationary moments", fontsize=10.5)
+                _draw_branches(axes, sweep.values_found, values, stable, joined=len(found) == len(sweep.values))
+        _finish(figure, panels, f"{sweep.model}: stationary moments", legend=not stable.all())
     return figure
 
 
@@ -124,7 +120,15 @@ def _panels(rows: Sequence[str], horizontal: str) -> tuple[Figure, Any]:
     return figure, panels
 
 
-def _draw_simulation(axes: Axes, simulation: Any, name: str, moment: str) -> None:
+def _finish(figure: Figure, panels: Any, title: str, *, legend: bool) -> None:
+    """Title on top, and one legend for all panels under it."""
+    if legend:
+        handles, labels = panels[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+    figure.suptitle(title, fontsize=10.5)
+
+
+def _draw_simulation(axes: Axes, simulation: Ensemble, name: str, moment: str) -> None:
     time = np.asarray(simulation.time)
     shown = np.unique(np.linspace(0, len(time) - 1, min(MOST_POINTS, len(time))).round().astype(int))
     axes.errorbar(
@@ -136,20 +140,17 @@ def _draw_simulation(axes: Axes, simulation: Any, name: str, moment: str) -> Non
         color=POINTS,
         elinewidth=0.9,
         capsize=1.8,
-        label=f"simulation, {simulation.paths} paths, 99 % limits",
+        label=f"simulation, {simulation.paths} paths, {100 * simulation.level:g} % limits",
         zorder=2,
+        clip_on=False,
     )
 
 
-def _draw_branches(
-    axes: Axes, at: np.ndarray, values: np.ndarray, stable: np.ndarray, *, joined: bool
-) -> None:
+def _draw_branches(axes: Axes, at: np.ndarray, values: np.ndarray, stable: np.ndarray, *, joined: bool) -> None:
     if joined:
         axes.plot(at, values, color=LINE, zorder=2)
     axes.plot(at[stable], values[stable], "o", color=LINE, markersize=3.5, label="stable", zorder=3)
-    axes.plot(
-        at[~stable], values[~stable], "o", color=POINTS, mfc="white", markersize=4, label="unstable", zorder=3
-    )
+    axes.plot(at[~stable], values[~stable], "o", color=POINTS, mfc="white", markersize=4, label="unstable", zorder=3)
 
 
 def _printed(name: str) -> str:

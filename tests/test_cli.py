@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from importlib.metadata import version
 
 import numpy as np
 import pytest
@@ -259,7 +260,7 @@ def test_python_dash_m_is_the_same_command(run_json, capsys, monkeypatch):
     with pytest.raises(SystemExit) as stopped:
         runpy.run_module("cadet_sym", run_name="__main__")
     assert stopped.value.code == 0
-    assert capsys.readouterr().out.strip() == cs.__version__
+    assert capsys.readouterr().out.strip() == version("cadet-sym")
 
 
 def test_help_names_every_command(run):

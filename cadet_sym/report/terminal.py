@@ -11,11 +11,11 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from cadet_sym.report.comparison import NORMAL_99, Comparison, rounded
+from cadet_sym.report.comparison import Comparison, rounded
 from cadet_sym.results import MomentHistory, StationaryMoments, StationarySweep, provenance_line
 
 if TYPE_CHECKING:
-    from cadet_sym.labelled import Labelled
+    from cadet_sym.simulate import Ensemble
 
 __all__ = [
     "comparison_table",
@@ -50,9 +50,7 @@ def print_stationary(solutions: Sequence[StationaryMoments]) -> None:
         console.print(stationary_table(solution))
         if solution.drifting:
             console.print(f"drifting, no stationary moments: {', '.join(solution.drifting)}", highlight=False)
-        console.print(
-            f"{'; '.join(solution.path)}; {provenance_line(solution.provenance)}\n", highlight=False
-        )
+        console.print(f"{'; '.join(solution.path)}; {provenance_line(solution.provenance)}\n", highlight=False)
 
 
 def print_sweep(sweep: StationarySweep) -> None:
@@ -68,7 +66,8 @@ def print_comparison(comparison: Comparison, seconds: Mapping[str, float]) -> No
     console = _console()
     simulation = comparison.simulation
     console.print(
-        f"{comparison.history.model}: CADET against {simulation.paths} simulated paths, 99 % limits",
+        f"{comparison.history.model}: CADET against {simulation.paths} simulated paths, "
+        f"{100 * simulation.level:g} % limits",
         highlight=False,
     )
     console.print(comparison.table())
@@ -76,16 +75,19 @@ def print_comparison(comparison: Comparison, seconds: Mapping[str, float]) -> No
     for name in shown:
         console.print(comparison.verdict[name].text, highlight=False)
     console.print(comparison.of_states, highlight=False)
+    for note in simulation.notes:
+        console.print(note, highlight=False)
     parts = ", ".join(f"{part} {value:.2f} s" for part, value in seconds.items())
-    console.print(f"Time: {parts}.", highlight=False)
+    inner = ", ".join(f"{part} {value:.2f} s" for part, value in simulation.seconds.items())
+    console.print(f"Time: {parts} (of the simulation: {inner}).", highlight=False)
 
 
 def history_table(history: MomentHistory, names: Sequence[str]) -> Table:
     """Mean and variance of ``names`` at some times of a run."""
     table = _table("t", *(f"{moment} {name}" for name in names for moment in ("mean", "variance")))
     for k in _spread(len(history.time), MOST_TIMES):
-        values = (getattr(history, moment)[name][k] for name in names for moment in ("mean", "variance"))
-        table.add_row(f"{history.time[k]:g}", *map(_number, values))
+        cells = (_at(history, moment, name, k) for name in names for moment in ("mean", "variance"))
+        table.add_row(f"{history.time[k]:g}", *cells)
     return table
 
 
@@ -93,7 +95,7 @@ def end_table(history: MomentHistory, names: Sequence[str]) -> Table:
     """Mean, variance and standard deviation of ``names`` at the last time."""
     table = _table(f"t = {history.time[-1]:g}", "mean", "variance", "std")
     for name in names:
-        table.add_row(name, *(_number(m[name][-1]) for m in (history.mean, history.variance, history.std)))
+        table.add_row(name, *(_at(history, moment, name, -1) for moment in ("mean", "variance", "std")))
     return table
 
 
@@ -103,15 +105,13 @@ def stationary_table(solution: StationaryMoments) -> Table:
     for name in (*solution.outputs, *solution.states):
         if name not in solution.drifting:
             moments = (solution.mean, solution.variance, solution.std)
-            table.add_row(name, *(_number(moment[name]) for moment in moments))
+            table.add_row(name, *(_number(float(moment[name])) for moment in moments))
     return table
 
 
 def sweep_table(sweep: StationarySweep, names: Sequence[str]) -> Table:
     """One row a solution: the parameter, stability, and the moments of ``names``."""
-    table = _table(
-        sweep.parameter, "", *(f"{moment} {name}" for name in names for moment in ("mean", "variance"))
-    )
+    table = _table(sweep.parameter, "", *(f"{moment} {name}" for name in names for moment in ("mean", "variance")))
     for value, row in zip(sweep.values, sweep.solutions, strict=True):
         for solution in row:
             moments = (getattr(solution, m)[name] for name in names for m in ("mean", "variance"))
@@ -132,10 +132,10 @@ def comparison_table(comparison: Comparison, names: Sequence[str], rows: int) ->
             table.add_row(
                 name if i == 0 else "",
                 f"{history.time[k]:g}",
-                _number(history.mean[name][k]),
-                _limited(simulation.mean, simulation.mean_standard_error, name, k),
-                _number(history.variance[name][k]),
-                _limited(simulation.variance, simulation.variance_standard_error, name, k),
+                _at(history, "mean", name, k),
+                _limited(simulation, "mean", name, k),
+                _at(history, "variance", name, k),
+                _limited(simulation, "variance", name, k),
                 "" if np.isnan(verdict.discrepancy) else _percent(verdict.discrepancy, verdict.limit),
                 end_section=i == rows - 1,
             )
@@ -164,9 +164,15 @@ def _number(value: float) -> str:
     return f"{value:.6g}"
 
 
-def _limited(values: Labelled, errors: Labelled, name: str, k: int) -> str:
-    value, limit = rounded(float(values[name][k]), NORMAL_99 * float(errors[name][k]))
-    return f"{value} ± {limit}"
+def _at(history: MomentHistory, moment: str, name: str, k: int) -> str:
+    """One moment at one time; what is nothing but rounding beside the run's largest deviation is 0."""
+    value, size = float(getattr(history, moment)[name][k]), float(history.std[name].max())
+    return _number(0.0 if abs(value) <= 1e-12 * (size**2 if moment == "variance" else size) else value)
+
+
+def _limited(simulation: Ensemble, moment: str, name: str, k: int) -> str:
+    value, limit = float(getattr(simulation, moment)[name][k]), float(simulation.limit(moment)[name][k])
+    return " ± ".join(rounded(value, limit)) if limit > 0.0 else _number(value)
 
 
 def _percent(value: float, limit: float) -> str:
