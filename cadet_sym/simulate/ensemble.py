@@ -1,0 +1,188 @@
+"""What a simulation gives: moments of the true nonlinear model, and how far from the truth they may be."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cadet_sym.errors import ModelError
+from cadet_sym.labelled import Labelled, LabelledCovariance
+from cadet_sym.simulate.statistics import Moments, StepError, interval_factor
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["Ensemble"]
+
+
+@dataclass(frozen=True, eq=False)
+class Ensemble:
+    """Moments of simulated paths at k times, of n states and m outputs, with their errors.
+
+    Three errors are kept apart: sampling (`mean_standard_error`, `variance_standard_error`, `limit`), the time step
+    (`mean_step_error`, `variance_step_error`), and what is not a path's error at all, the paths that `diverged`.
+    Arrays are labelled: ``truth.mean["x"]``, ``truth.covariance["x", "v"]``.
+    """
+
+    model: str
+    states: tuple[str, ...]  # the vehicle's in the order declared, then the ground filters'
+    outputs: tuple[str, ...]
+    time: np.ndarray  # (k,)
+    paths: int
+    seed: int
+    step: float  # longest step of time
+    moments: Moments  # of states, then outputs
+    step_error: StepError | None  # None if it was not asked for
+    diverged: int  # paths that stopped being finite before the end
+    kept: np.ndarray  # (kept paths, k, n + m): the first paths as they were recorded
+    level: float  # of the limits, 0.99
+    run_in: float  # time for which every path was run in before t = 0, s
+    engine: str  # "numba" or "numpy"
+    seconds: Mapping[str, float]  # wall time of: preparing, compiling, step, paths
+    notes: tuple[str, ...]  # what the user should know, in sentences
+
+    @property
+    def mean(self) -> Labelled:
+        """Means, in the units of the quantity."""
+        return self._labelled(self.moments.mean)
+
+    @property
+    def variance(self) -> Labelled:
+        """Unbiased variances."""
+        return self._labelled(self.moments.variance)
+
+    @property
+    def std(self) -> Labelled:
+        """Square roots of the variances."""
+        return self._labelled(np.sqrt(self.moments.variance))
+
+    @cached_property
+    def covariance(self) -> LabelledCovariance:
+        """Zero-lag covariances of the states, (k, n, n); of outputs the variance."""
+        n = len(self.states)
+        return LabelledCovariance(self.states, self.moments.covariance, self.outputs, self.moments.variance[:, n:])
+
+    @property
+    def mean_standard_error(self) -> Labelled:
+        """Standard deviation of the mean as an estimate."""
+        return self._labelled(self.moments.mean_standard_error)
+
+    @property
+    def variance_standard_error(self) -> Labelled:
+        """Standard deviation of the variance as an estimate; the fourth moment is in it."""
+        return self._labelled(self.moments.variance_standard_error)
+
+    @property
+    def skewness(self) -> Labelled:
+        """Third central moment over std^3: 0 for a Gaussian."""
+        return self._labelled(self.moments.skewness)
+
+    @property
+    def kurtosis(self) -> Labelled:
+        """Fourth central moment over variance^2: 3 for a Gaussian."""
+        return self._labelled(self.moments.kurtosis)
+
+    @property
+    def excess_kurtosis(self) -> Labelled:
+        """Kurtosis less 3."""
+        return self._labelled(self.moments.kurtosis - 3.0)
+
+    @property
+    def mean_step_error(self) -> Labelled:
+        """Bound on what the time step does to the mean (see `StepError`); NaN if it was not asked for."""
+        return self._labelled(self._of_step("mean"))
+
+    @property
+    def variance_step_error(self) -> Labelled:
+        """Bound on what the time step does to the variance (see `StepError`); NaN if it was not asked for."""
+        return self._labelled(self._of_step("variance"))
+
+    def limit(self, moment: str, level: float | None = None) -> Labelled:
+        """Half-widths of the limits of "mean" or "variance", at the ensemble's level or another.
+
+        The truth lies within them with that probability, sampling error alone considered.
+        """
+        if moment not in ("mean", "variance"):
+            raise ModelError(f'limits are of "mean" or "variance", not {moment!r}')
+        factor = interval_factor(_checked_level(self.level if level is None else level))
+        return self._labelled(factor * getattr(self.moments, f"{moment}_standard_error"))
+
+    def mean_limits(self, name: str, level: float | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper limits of the mean of one state or output."""
+        half = self.limit("mean", level)[name]
+        return self.mean[name] - half, self.mean[name] + half
+
+    def variance_limits(self, name: str, level: float | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper limits of the variance of one state or output."""
+        half = self.limit("variance", level)[name]
+        return self.variance[name] - half, self.variance[name] + half
+
+    def path(self, name: str) -> np.ndarray:
+        """The kept paths of one state or output, (kept paths, k)."""
+        return self._labelled(self.kept)[name]
+
+    def to_xarray(self) -> xr.Dataset:
+        """Everything as a data set with dimensions time, state, state_2, output, path."""
+        import xarray as xr
+
+        n, data = len(self.states), {}
+        for name in ("mean", "variance", "mean_standard_error", "variance_standard_error", "skewness", "kurtosis",
+                     "mean_step_error", "variance_step_error"):  # fmt: skip
+            values = getattr(self, name)
+            data[name] = (("time", "state"), values.values)
+            data[f"output_{name}"] = (("time", "output"), values.outputs)
+        data["covariance"] = (("time", "state", "state_2"), self.covariance.values)
+        data["path_states"] = (("path", "time", "state"), self.kept[:, :, :n])
+        data["path_outputs"] = (("path", "time", "output"), self.kept[:, :, n:])
+        names = np.array(self.states, dtype=object)
+        return xr.Dataset(
+            data,
+            coords={
+                "time": self.time,
+                "state": names,
+                "state_2": names,
+                "output": np.array(self.outputs, dtype=object),
+            },
+            attrs={
+                "model": self.model,
+                "paths": self.paths,
+                "seed": self.seed,
+                "step": self.step,
+                "diverged": self.diverged,
+                "engine": self.engine,
+            },
+        )
+
+    def __str__(self) -> str:
+        lines = [f"{self.paths} paths of {self.model or 'the model'}, step {self.step:.3g}, seed {self.seed}"]
+        for name in (*self.outputs, *self.states):
+            mean, variance = self.mean[name][-1], self.variance[name][-1]
+            lines.append(
+                f"  {name}: mean {mean:.5g} +- {self.limit('mean')[name][-1]:.2g}, variance {variance:.5g} "
+                f"+- {self.limit('variance')[name][-1]:.2g} at t = {self.time[-1]:g}"
+            )
+        return "\n".join([*lines, *self.notes])
+
+    def _labelled(self, values: np.ndarray) -> Labelled:
+        n = len(self.states)
+        return Labelled(self.states, values[..., :n], self.outputs, values[..., n:])
+
+    def _of_step(self, moment: str) -> np.ndarray:
+        if self.step_error is None:
+            return np.full(self.moments.mean.shape, np.nan)
+        return getattr(self.step_error, moment)
+
+
+def _checked_level(level: float) -> float:
+    if not 0.0 < level < 1.0:
+        raise ModelError(f"the level of limits is a probability between 0 and 1, not {level!r}; 0.99 is usual")
+    return float(level)
+
+
+def sentences(notes: Sequence[str | None]) -> tuple[str, ...]:
+    """Those notes that there are."""
+    return tuple(note for note in notes if note)

@@ -1,0 +1,240 @@
+"""The ground under the wheels, sampled exactly on the paths' own grid.
+
+Between two positions a distance d apart the filter states and the noise obey one Gaussian law, whatever d is:
+
+    xi(p + d) = exp(C d) xi(p) + zeta,     zeta ~ N(0, Sigma(d)),     Sigma(d) = int_0^d exp(C u) D Q D^T exp(C u)^T du
+
+Wheels of one track share one chain over the union of the positions of all of them, so that what one meets is what
+the other met, and each position is sampled once.
+
+Where the filter's coefficients vary along the road they are frozen at the middle of each step of the chain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import sympy as sp
+
+from cadet_sym.augment import AugmentedSystem, FilterCopy
+from cadet_sym.errors import ModelError
+from cadet_sym.language.expression import DISTANCE, evaluate
+from cadet_sym.simulate.grid import Grid
+from cadet_sym.simulate.tables import GroundTables
+
+__all__ = ["covariance_factor", "exact_law", "ground_tables", "stationary_covariance"]
+
+_TERMS = 18  # of the Taylor series of a scaled step
+_SCALE = 0.25  # norm of the scaled step
+
+
+def exact_law(A: np.ndarray, G: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Transition and covariance of dx = A x ds + noise of intensity G, over lengths d.
+
+        Phi(d) = exp(A d),    Sigma(d) = int_0^d exp(A u) G exp(A u)^T du
+
+    Taylor series on a short piece, then doubling: Sigma(2 d) = Sigma + Phi Sigma Phi^T, Phi(2 d) = Phi^2. Sums of
+    positive terms: nothing cancels however long the step is.
+
+    Parameters
+    ----------
+    A, G : (k, n, n) or (n, n).
+    d : (k,) lengths, not negative.
+
+    Returns
+    -------
+    (k, n, n) each.
+    """
+    n = A.shape[-1]
+    A = np.broadcast_to(A, (len(d), n, n))
+    G = np.broadcast_to(G, (len(d), n, n))
+    largest = np.abs(A).sum(axis=-1).max(initial=0.0) * d.max(initial=0.0)
+    doublings = max(0, int(np.ceil(np.log2(max(largest, 1e-300) / _SCALE))))
+    h = (d / 2.0**doublings)[:, None, None]
+    term, moment = np.broadcast_to(np.eye(n), A.shape), G * h
+    phi, sigma = term.copy(), moment.copy()
+    for k in range(1, _TERMS):
+        term = A @ term * (h / k)
+        left = A @ moment
+        moment = (left + np.swapaxes(left, -1, -2)) * (h / (k + 1))
+        phi, sigma = phi + term, sigma + moment
+    for _ in range(doublings):
+        sigma = sigma + phi @ sigma @ np.swapaxes(phi, -1, -2)
+        phi = phi @ phi
+    return phi, sigma
+
+
+def covariance_factor(sigma: np.ndarray) -> np.ndarray:
+    """Lower L with L L^T = sigma, (..., n, n), for positive semidefinite sigma: a pivot lost in rounding counts as zero."""
+    n = sigma.shape[-1]
+    L = np.zeros(sigma.shape)
+    for j in range(n):
+        left = L[..., j, :j]
+        pivot = sigma[..., j, j] - np.sum(left**2, axis=-1)
+        pivot = np.where(pivot > 1e-14 * sigma[..., j, j], pivot, 0.0)
+        L[..., j, j] = np.sqrt(pivot)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            column = (sigma[..., j + 1 :, j] - np.einsum("...ik,...k->...i", L[..., j + 1 :, :j], left)) / L[..., j, j, None]
+        L[..., j + 1 :, j] = np.where(pivot[..., None] > 0.0, column, 0.0)
+    return L
+
+
+def stationary_covariance(C: np.ndarray, G: np.ndarray) -> np.ndarray:
+    """Covariance of the ground that has always been there: C P + P C^T + G = 0."""
+    from scipy.linalg import solve_continuous_lyapunov
+
+    if np.linalg.eigvals(C).real.max(initial=-1.0) >= 0.0:
+        raise ModelError(
+            "this ground has no stationary height, so no path can start on it; start with `ground = \"smooth\"` or "
+            "give the road a `cutoff`"
+        )
+    P = solve_continuous_lyapunov(C, -G)
+    return 0.5 * (P + P.T)
+
+
+@dataclass(frozen=True)
+class _Filter:
+    """The shaping filter as numbers at given positions."""
+
+    copy: FilterCopy
+    values: Mapping[sp.Symbol, float]
+
+    def matrices(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """C and D Q D^T, (k, r, r) each."""
+        f = self.copy.filter
+        C, D, Q = (self._matrix(m, places) for m in (f.C, f.D, f.Q))
+        return C, D @ Q @ np.swapaxes(D, -1, -2)
+
+    def forcing(self, places: np.ndarray) -> np.ndarray:
+        return self._matrix(self.copy.filter.offset, places)[..., 0]
+
+    def _matrix(self, matrix: sp.ImmutableMatrix, places: np.ndarray) -> np.ndarray:
+        known = {**self.values, DISTANCE: places}
+        entries = [np.broadcast_to(evaluate(entry, known), places.shape) for entry in matrix]
+        return np.stack(entries, axis=-1).reshape(*places.shape, *matrix.shape)
+
+
+def ground_tables(
+    system: AugmentedSystem, values: Mapping[sp.Symbol, float], grid: Grid, noises: int
+) -> GroundTables:
+    """Work out the chains of all tracks and where each wheel stands in them; `noises` counts those in time."""
+    nf = len(system.states) - system.vehicle_size
+    common = {"width": nf + noises, "noises": noises, "root_step": np.sqrt(grid.step)}
+    if not system.copies:
+        return _no_ground(common, len(grid.time))
+    road = _Filter(system.copies[0], values)
+    smooth = system.model.initial.ground == "smooth" and not system.model.initial.whole
+    setbacks = [float(evaluate(c.setback, values)) for c in system.copies]
+    tracks = list(dict.fromkeys(c.track for c in system.copies))
+    track_of = np.array([tracks.index(c.track) for c in system.copies], dtype=np.int64)
+    pick = np.zeros((len(setbacks), len(grid.time)), dtype=np.int64)
+    lengths, laws_at, leader, room = [], [], [], []
+    for track in range(len(tracks)):
+        members = np.flatnonzero(track_of == track)
+        chain = _chain(grid, [setbacks[c] for c in members], smooth)
+        pick[members] = chain.pick
+        lengths.append(np.diff(chain.places))
+        laws_at.append(0.5 * (chain.places[:-1] + chain.places[1:]))
+        leader.append(members[np.argmin([setbacks[c] for c in members])])
+        room.append(int((chain.pick.max(axis=0) - chain.pick.min(axis=0)).max()) + 2)
+    laws, law_of = _laws(road, np.concatenate(lengths), np.concatenate(laws_at))
+    return GroundTables(
+        size=len(road.copy.filter.states),
+        laws=laws,
+        law_of=law_of,
+        law_start=_starts(map(len, lengths)),
+        root=_start_factor(road, grid.motion.start, smooth),
+        pick=pick,
+        track_of=track_of,
+        leader=np.array(leader, dtype=np.int64),
+        ring_start=_starts(room),
+        ring_room=np.array(room, dtype=np.int64),
+        ring_total=sum(room),
+        **_mean(system, values, grid, setbacks),
+        **common,
+    )
+
+
+def _no_ground(common: dict, nodes: int) -> GroundTables:
+    empty = np.zeros(0, dtype=np.int64)
+    return GroundTables(
+        size=0, laws=np.zeros((0, 0, 0)), law_of=empty, law_start=empty, root=np.zeros((0, 0)),
+        pick=np.zeros((0, nodes), dtype=np.int64), track_of=empty, leader=empty, ring_start=empty, ring_room=empty,
+        ring_total=0, has_mean=False, mean=np.zeros((0, 0, 0)), **common,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Chain:
+    places: np.ndarray  # (J + 1,) increasing
+    pick: np.ndarray  # (wheels, time nodes)
+
+
+def _chain(grid: Grid, setbacks: Sequence[float], smooth: bool) -> _Chain:
+    """Union of the positions of all wheels of a track, and the chain node under each wheel at each time.
+
+    On a smooth start everything up to the leading wheel's first position is one node: flat, and free of noise.
+    """
+    under = grid.place - np.array(setbacks)[:, None]
+    begin = grid.place[0] if smooth else under.min()
+    under = np.maximum(under, begin)
+    span = max(float(under.max()) - begin, 1e-300)
+    # Positions that differ by rounding only are one.
+    places = np.unique(under)
+    keep = np.concatenate([[True], np.diff(places) > 1e-13 * (span + abs(begin))])
+    index = np.cumsum(keep) - 1
+    return _Chain(places[keep], index[np.searchsorted(places, under)].astype(np.int64))
+
+
+def _laws(road: _Filter, lengths: np.ndarray, middles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Step matrices (law, r, 2 r) = [transition, noise factor], and the law of every step."""
+    if road.copy.filter.is_homogeneous:
+        # At constant speed a thousand steps share one law; lengths that differ by rounding count as one.
+        unit = 1e-10 * max(float(lengths.max(initial=0.0)), 1e-300)
+        _, first, law_of = np.unique(np.round(lengths / unit), return_index=True, return_inverse=True)
+        lengths, middles = lengths[first], middles[first]
+    else:
+        law_of = np.arange(len(lengths))
+    A, G = road.matrices(middles)
+    phi, sigma = exact_law(A, G, lengths)
+    return np.concatenate([phi, covariance_factor(sigma)], axis=-1), law_of.astype(np.int64)
+
+
+def _start_factor(road: _Filter, place: float, smooth: bool) -> np.ndarray:
+    r = len(road.copy.filter.states)
+    if smooth:
+        return np.zeros((r, r))
+    A, G = road.matrices(np.array([place]))
+    return covariance_factor(stationary_covariance(A[0], G[0]))
+
+
+def _starts(counts) -> np.ndarray:
+    return np.concatenate([[0], np.cumsum(list(counts))])[:-1].astype(np.int64)
+
+
+def _mean(
+    system: AugmentedSystem, values: Mapping[sp.Symbol, float], grid: Grid, setbacks: Sequence[float]
+) -> dict:
+    """What the ground's own forcing adds to the filter states of each wheel, from zero at the start.
+
+    m' = C m + offset in distance, each step by exp(C d) and two Gauss points for the forcing.
+    """
+    if all(copy.filter.offset.is_zero_matrix for copy in system.copies):
+        return {"has_mean": False, "mean": np.zeros((0, 0, 0))}
+    r = len(system.copies[0].filter.states)
+    mean = np.zeros((len(system.copies), len(grid.time), r))
+    for c, copy in enumerate(system.copies):
+        road = _Filter(copy, values)
+        under = np.where(grid.time < 0.0, grid.motion.start, grid.place) - setbacks[c]
+        d, middle = np.diff(under), 0.5 * (under[:-1] + under[1:])
+        A, G = road.matrices(middle)
+        phi, _ = exact_law(A, G, d)
+        push = np.zeros((len(d), r))
+        for gauss in (-1.0, 1.0):
+            at = 0.5 * d * (1.0 + gauss / np.sqrt(3.0))
+            push += 0.5 * d[:, None] * np.einsum("kab,kb->ka", exact_law(A, G, d - at)[0], road.forcing(under[:-1] + at))
+        for i in range(len(d)):
+            mean[c, i + 1] = phi[i] @ mean[c, i] + push[i]
+    return {"has_mean": True, "mean": mean}

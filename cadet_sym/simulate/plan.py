@@ -1,0 +1,213 @@
+"""Everything numeric that a run of paths needs, worked out once and shared by all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from cadet_sym.augment import AugmentedSystem
+from cadet_sym.errors import ModelError
+from cadet_sym.language.expression import evaluate
+from cadet_sym.simulate.grid import Grid, Motion, make_grid
+from cadet_sym.simulate.ground import covariance_factor, ground_tables
+from cadet_sym.simulate.program import Program, numeric, write_program
+from cadet_sym.simulate.source import RUN_SYMBOLS
+from cadet_sym.simulate.tables import GroundTables, OutputTables, StartTables, StepTables
+
+__all__ = ["Plan", "Problem"]
+
+_SLACK = 1e-10  # of the largest entry: how far below zero rounding may put an eigenvalue of a covariance
+
+
+@dataclass(frozen=True)
+class Plan:
+    """One grid's worth of tables: all that a group of paths is computed from, and all that travels to a worker."""
+
+    numba_source: str
+    numpy_source: str
+    ground: GroundTables
+    start: StartTables
+    fine: StepTables
+    coarse: StepTables  # twice the step of `fine`; no rows unless pairs of paths are wanted
+    out: OutputTables
+    purposes: int  # random streams a path
+
+    @property
+    def paired(self) -> bool:
+        return len(self.coarse.H) > 0
+
+
+class Problem:
+    """An augmented system with its parameters as numbers, ready to be put on a grid.
+
+    Parameters
+    ----------
+    times : (k,) output times, increasing from 0 or later.
+    """
+
+    def __init__(self, system: AugmentedSystem, times: np.ndarray):
+        self.system, self.times = system, times
+        self.values: dict[sp.Symbol, float] = {
+            sp.Symbol(name, real=True): float(value) for name, value in system.model.parameter_values().items()
+        }
+        self.elements = system.model.vehicle.elements
+        self.program: Program = write_program(system)
+        self.motion = Motion(system, self.values, float(times[-1]))
+        self.names = [s.name for s in system.states] + list(system.outputs)
+        self._check_tracks()
+
+    def plan(self, step: float, run_in: float = 0.0, paired: bool = False) -> tuple[Plan, Grid]:
+        """Tables for steps no longer than `step`; with `paired`, of that grid and of the one with halved steps."""
+        grid = make_grid(self.motion, self.times, step, self._kinks(), run_in)
+        finest = grid.halved() if paired else grid
+        program = self.program
+        none = self._steps(grid, slice(0, 0))
+        plan = Plan(
+            program.numba_source,
+            program.numpy_source,
+            ground_tables(self.system, self.values, finest, len(program.time_noises)),
+            self._start(),
+            self._steps(finest),
+            self._steps(grid) if paired else none,
+            self._outputs(finest),
+            purposes=2 + len({c.track for c in self.system.copies}),
+        )
+        return plan, grid
+
+    def rate_scale(self) -> float:
+        """Largest rate, 1/s, of the vehicle's equations about the start.
+
+        From differences of three sizes, of which the one that asks for the least is taken: a friction's jump is
+        no rate, and a stop that is far away none either. The step's error, measured, has the last word.
+        """
+        run = np.array([0.0, 0.5 * self.times[-1], self.times[-1]])
+        scales = [np.abs(modes).max() for modes in self._modes(run)]
+        return float(min(scales, default=0.0))
+
+    def relaxation_time(self, constants: float) -> float:
+        """Time in which the slowest mode that decays at the start falls by exp(-constants)."""
+        modes = np.concatenate([m.ravel() for m in self._modes(np.zeros(1))] or [np.zeros(0)])
+        decay = -modes.real[-modes.real > 1e-6 * np.abs(modes).max(initial=0.0)]
+        return constants / float(decay.min()) if len(decay) else float(self.times[-1])
+
+    def _modes(self, time: np.ndarray) -> list[np.ndarray]:
+        """Eigenvalues (times, nv) of the vehicle's rates about its initial mean, from differences of several sizes."""
+        nv, found = self.system.vehicle_size, []
+        for size in (1e-3, 1e-1, 1e1):
+            at = np.zeros((len(self.system.states), 2 * nv, len(time)))
+            at[:nv] = self._start().offset[:, None, None]
+            for k in range(nv):
+                at[k, 2 * k] += size
+                at[k, 2 * k + 1] -= size
+            known = {**self.values, **dict(zip(self.system.states, at, strict=True)), **self._run_values(time)}
+            rates = numeric(self.system.drift[:nv], known, self.elements)
+            jacobian = (rates[0::2] - rates[1::2]) / (2.0 * size)
+            if np.isfinite(jacobian).all():
+                found.append(np.linalg.eigvals(np.moveaxis(jacobian, 0, -1)))
+        return found
+
+    def ground_scale(self) -> float:
+        """Largest rate, 1/s, at which the ground comes by: its filter's fastest mode at the highest speed."""
+        if not self.system.copies:
+            return 0.0
+        road = self.system.copies[0].filter
+        time = np.linspace(0.0, self.times[-1], 501)
+        run = self._run_values(time)
+        C = numeric(list(road.C), {**self.values, **run}, self.elements)
+        modes = np.abs(np.linalg.eigvals(C.reshape(-1, *road.C.shape))).max(axis=-1)
+        speed = next(v for s, v in run.items() if s.name == "V(t)")
+        return float((modes * speed).max())
+
+    def _run_values(self, time: np.ndarray) -> dict[sp.Symbol, np.ndarray]:
+        m = self.motion
+        return dict(zip(RUN_SYMBOLS, (time, m.distance(time), m.speed(time), m.rate(time)), strict=True))
+
+    def _kinks(self) -> np.ndarray:
+        """When a wheel passes a kink or an edge of the ground."""
+        ground = self.system.model.ground
+        if ground is None or not self.system.copies:
+            return np.zeros(0)
+        edges = [evaluate(b, self.values) for b in ground.breakpoints]
+        setbacks = {float(evaluate(c.setback, self.values)) for c in self.system.copies}
+        return self.motion.times_at([e + L for e in edges for L in setbacks])
+
+    def _steps(self, grid: Grid, part: slice = slice(None)) -> StepTables:
+        program = self.program
+        ends = [self._at(program.coefficients, grid.run_values(end))[part] for end in (False, True)]
+        kicks = [self._noise(grid.run_values(end))[part] for end in (False, True)]
+        return StepTables(
+            S=np.ascontiguousarray(ends[0]),
+            E=np.ascontiguousarray(ends[1]),
+            K=np.ascontiguousarray(0.5 * (kicks[0] + kicks[1])),
+            H=np.ascontiguousarray(grid.step[part]),
+            q=numeric(program.constants, self.values, self.elements),
+            T=program.table,
+        )
+
+    def _at(self, expressions: Any, run: Mapping[sp.Symbol, np.ndarray]) -> np.ndarray:
+        return numeric(expressions, {**self.values, **run}, self.elements)
+
+    def _noise(self, run: Mapping[sp.Symbol, np.ndarray]) -> np.ndarray:
+        """Factors (times, kicks and entries) of what kicks the vehicle, and of independent unit noises in time."""
+        system, program = self.system, self.program
+        kicks = self._at([kick.kappa for kick in program.kicks], run)
+        time = [j for j, source in enumerate(system.sources) if source.domain == "time"]
+        shape = (len(kicks), system.vehicle_size, len(time))
+        Q = self._at(list(system.intensity.extract(time, time)) if time else [], run)
+        root = _factor(Q.reshape(len(kicks), len(time), len(time)), "[noise] intensity")
+        entering = self._at([system.noise_input[i, j] for i in range(shape[1]) for j in time], run).reshape(shape)
+        mixed = entering @ root
+        noises = [mixed[:, i, time.index(program.time_noises[j])] for i, j in program.time_entries]
+        return np.column_stack([kicks, *noises])
+
+    def _start(self) -> StartTables:
+        system, nv = self.system, self.system.vehicle_size
+        run = self._run_values(np.zeros(1))
+        known = {**self.values, **{symbol: float(value[0]) for symbol, value in run.items()}}
+        spread = numeric(list(system.initial_covariance), known, self.elements).reshape(1, nv, nv)
+        return StartTables(
+            offset=numeric(list(system.initial_offset), known, self.elements),
+            map=numeric(list(system.initial_map), known, self.elements).reshape(nv, -1),
+            root=_factor(spread, "[initial.covariance]")[0],
+        )
+
+    def _outputs(self, grid: Grid) -> OutputTables:
+        program = self.program
+        run = self._run_values(grid.time[grid.output])
+        return OutputTables(
+            node=grid.output.astype(np.int64),
+            rows=len(self.names),
+            C=np.ascontiguousarray(self._at(program.record_coefficients, run)),
+            q=numeric(program.record_constants, self.values, self.elements),
+            T=program.record_table,
+        )
+
+    def _check_tracks(self) -> None:
+        """Tracks are simulated independently of each other: refuse an intensity that says otherwise."""
+        system = self.system
+        owner = {j: (c.track, c.contact) for c in system.copies for j in c.columns}
+        for i in range(len(system.sources)):
+            for j in range(i):
+                if owner.get(i) != owner.get(j) and system.intensity[i, j] != 0:
+                    raise ModelError(
+                        f"the noises `{system.sources[j].name}` and `{system.sources[i].name}` are correlated; the "
+                        "simulation takes tracks, and noise in time and the ground, as independent of each other"
+                    )
+
+
+def _factor(sigma: np.ndarray, what: str) -> np.ndarray:
+    """Lower triangular factors of (k, n, n) covariances, refused where one is not positive semidefinite."""
+    if sigma.shape[-1] == 0:
+        return sigma
+    scale = np.abs(sigma).max(axis=(-1, -2))
+    lowest = np.linalg.eigvalsh(sigma)[:, 0] if np.isfinite(sigma).all() else np.array([np.nan])
+    if not (lowest >= -_SLACK * np.maximum(scale, 1e-300)).all():
+        raise ModelError(
+            f"{what} is not positive semidefinite: its smallest eigenvalue is {np.min(lowest):.3g}; "
+            "lower the covariances off the diagonal or raise the variances"
+        )
+    return covariance_factor(sigma)

@@ -1,0 +1,91 @@
+"""Groups of paths, worked out by threads or by a caller's executor, and joined in order."""
+
+from __future__ import annotations
+
+import os
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import nullcontext
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cadet_sym.simulate.plan import Plan
+from cadet_sym.simulate.statistics import Moments, moments_of
+from cadet_sym.simulate.streams import Streams
+
+__all__ = ["GroupResult", "group_size", "records_of", "run_groups"]
+
+_GROUP_VALUES = 1 << 22  # recorded numbers that a group may hold in memory
+_LARGEST_GROUP = 1024
+
+
+@dataclass(frozen=True)
+class GroupResult:
+    """What is kept of a group of paths."""
+
+    paths: int
+    moments: Moments
+    diverged: int
+    kept: np.ndarray  # (kept paths, times, k)
+
+
+def group_size(times: int, rows: int) -> int:
+    """Paths that are recorded together: a power of two that depends on the model and its output times alone.
+
+    Moments are taken a group at a time and joined in order, so this is what fixes the last digits of a result.
+    """
+    size = _LARGEST_GROUP
+    while size > 16 and size * times * rows > _GROUP_VALUES:
+        size //= 2
+    return size
+
+
+def records_of(plan: Plan, engine: str, seed: int, first: int, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Records (times, rows, paths) of paths first .. first + count - 1, and of the same at twice the step."""
+    streams = [Streams.of(seed, first, count, purpose) for purpose in range(plan.purposes)]
+    tables = (plan.ground, plan.start, plan.fine, plan.coarse, plan.out)
+    if engine == "numpy":
+        from cadet_sym.simulate import plain
+
+        return plain.run_paths(plan.numpy_source, *tables, streams)
+    from cadet_sym.simulate import fast
+
+    state, gamma = (np.stack([getattr(s, name) for s in streams]) for name in ("state", "gamma"))
+    return fast.run_paths(plan.numba_source, *tables, state, gamma, plan.paired)
+
+
+def _group(plan: Plan, engine: str, seed: int, first: int, count: int, states: int, keep: int) -> GroupResult:
+    records, _ = records_of(plan, engine, seed, first, count)
+    lost = int(np.count_nonzero(~np.isfinite(records[-1]).all(axis=0)))
+    kept = np.moveaxis(records[:, :, : max(0, min(count, keep - first))], -1, 0).copy()
+    return GroupResult(count, moments_of(records, states), lost, kept)
+
+
+def run_groups(
+    plan: Plan,
+    engine: str,
+    seed: int,
+    paths: int,
+    states: int,
+    keep: int,
+    executor: Executor | None,
+    threads: int | None,
+) -> Iterator[GroupResult]:
+    """Yield the results of all groups in the order of their paths, with a bounded number under way."""
+    size = group_size(len(plan.out.node), plan.out.rows)
+    jobs = [(first, min(size, paths - first)) for first in range(0, paths, size)]
+    workers = threads or os.cpu_count() or 1
+    held = nullcontext(executor) if executor is not None else ThreadPoolExecutor(workers)
+    with held as pool:
+        assert pool is not None
+        submit: Callable[..., Any] = pool.submit
+        under_way: deque[Any] = deque()
+        for first, count in jobs:
+            under_way.append(submit(_group, plan, engine, seed, first, count, states, keep))
+            if len(under_way) > 2 * workers:
+                yield under_way.popleft().result()
+        while under_way:
+            yield under_way.popleft().result()
