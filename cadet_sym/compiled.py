@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cadet_sym.augment import augment
+from cadet_sym.delay import CHOICES, choose_grid
 from cadet_sym.errors import ModelError
 from cadet_sym.language.model import Model
 from cadet_sym.language.modelfile import load
@@ -29,8 +30,18 @@ __all__ = ["CompiledModel", "compile"]
 Array = npt.NDArray[np.float64]
 
 
-def compile(model: Model | str | Path) -> CompiledModel:
+GRID_TOLERANCE = 1e-6
+"""Error accepted in what the ground between two wheels does, when the grid there is chosen automatically."""
+
+
+def compile(model: Model | str | Path, *, grid: tuple[int, int] | None = None) -> CompiledModel:
     """Turn a model, or the file it is declared in, into its compiled moment equations.
+
+    Parameters
+    ----------
+    model : a `Model`, or the path of a model file.
+    grid : elements and nodes an element between two wheels of one track (see `cadet_sym.delay`); by default the
+        cheapest that resolves the vehicle's modes at the speeds of the run.
 
     Raises
     ------
@@ -39,7 +50,13 @@ def compile(model: Model | str | Path) -> CompiledModel:
     """
     if not isinstance(model, Model):
         model = load(model)
-    return CompiledModel(model, lower(moment_equations(linearise(augment(model)))))
+    quasi_linear = linearise(augment(model))
+    equations = moment_equations(quasi_linear, grid or CHOICES[0])
+    if grid is None and equations.delay is not None:
+        coarse = CompiledModel(model, lower(equations))
+        (best, _) = coarse.wheel_grid()
+        equations = moment_equations(quasi_linear, best)
+    return CompiledModel(model, lower(equations))
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +120,31 @@ class CompiledModel:
                 f"{lowest:.3g}); check [initial.covariance]: |cov(a, b)| may not exceed std(a) std(b)."
             )
         return y
+
+    def wheel_grid(self, y: Array | None = None, p: Array | None = None) -> tuple[tuple[int, int], float]:
+        """The grid between the wheels that suits the gains at the moments y (default: the start), and its error.
+
+        The error is that of the discrete exponential over all gaps and the speeds of the run (see `choose_grid`); speeds
+        below a twentieth of the highest are left out, for there the ground hardly excites anything.
+        """
+        p = self.parameter_vector() if p is None else p
+        delay = self.equations.delay
+        if delay is None:
+            raise ModelError("no track has two wheels: there is no grid between them.")
+        packing = self.equations.packing
+        moments = np.zeros(packing.moments) if y is None else y[: packing.moments]
+        times = np.linspace(0.0, self.model.number(self.model.run.duration), 257)
+        speeds = np.asarray(self.functions.motion.map(len(times))(times[None, :], np.tile(p[:, None], len(times)))[0])
+        fast = np.unique(speeds[speeds >= 0.05 * speeds.max()].round(9)) if speeds.max() > 0 else np.ones(1)
+        setbacks = np.asarray(self.functions.noise(np.zeros(4), p)[2]).ravel()
+        places = [[float(setbacks[columns[0]]) for columns in track.columns] for track in delay.tracks]
+        lengths = np.concatenate([np.diff(place) for place in places])
+        exponents = []
+        for V in fast:
+            N = np.asarray(self.functions.gain_matrix(moments, np.array([0.0, 0.0, V, 0.0]), p))
+            exponents.append(np.outer(lengths / V, np.linalg.eigvals(N)).ravel())
+        rests = bool(np.any(speeds <= 1e-9 * speeds.max()))
+        return choose_grid(np.concatenate(exponents), GRID_TOLERANCE, rests=rests)
 
     def _refuse_drifting_ground(self, p: Array) -> None:
         for copy in self.equations.quasi_linear.system.copies:

@@ -102,14 +102,20 @@ class MomentEquations:
         )
 
 
-def moment_equations(quasi_linear: QuasiLinearSystem) -> MomentEquations:
-    """Write the mean and covariance equations of a quasi-linear system (Harrison & Hammond 1986, eqs 6-9)."""
+def moment_equations(quasi_linear: QuasiLinearSystem, grid: tuple[int, int] = (4, 6)) -> MomentEquations:
+    """Write the mean and covariance equations of a quasi-linear system (Harrison & Hammond 1986, eqs 6-9).
+
+    Parameters
+    ----------
+    quasi_linear : the system in Lur'e form.
+    grid : elements and nodes an element on every stretch of ground between two wheels of one track (see `delay`).
+    """
     system = quasi_linear.system
     n = len(system.states)
     means = tuple(symbol(f"E[{state.name}]") for state in system.states)
     expectations = tuple(symbol(f"F_{j + 1}") for j in range(len(quasi_linear.elements)))
     gains = tuple(_gain_symbols(j, len(e.forms)) for j, e in enumerate(quasi_linear.elements))
-    delay = delay_grid(system)
+    delay = delay_grid(system, *grid)
     gates = _gates(quasi_linear)
     return MomentEquations(
         quasi_linear=quasi_linear,

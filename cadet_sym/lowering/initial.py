@@ -32,13 +32,13 @@ def initial_moments(lowered: LoweredSystem) -> ca.Function:
     equations = lowered.equations
     system, packing = equations.quasi_linear.system, equations.packing
     p = ca.MX.sym("p", len(lowered.parameters))
-    ground = _GroundStart(lowered, p)
     nv, nf = system.vehicle_size, packing.n - system.vehicle_size
     offset, linear, delta = _vehicle_start(lowered)(p)
+    mean = ca.vertcat(offset, ca.MX.zeros(nf, 1))
+    ground = _GroundStart(lowered, p, mean)
     P_ground = ground.covariance(nf)
     cross = ca.mtimes(linear, P_ground)
     P = ca.blockcat([[ca.mtimes(cross, linear.T) + delta, cross], [cross.T, P_ground]])
-    mean = ca.vertcat(offset, ca.MX.zeros(nf, 1))
     triangle = ca.densify(P)[ca.Sparsity.lower(packing.n)].nz[:]
     parts = [mean, triangle]
     if packing.distance:
@@ -60,19 +60,23 @@ def filter_matrices(lowered: LoweredSystem, copy: FilterCopy) -> ca.Function:
 class _GroundStart:
     """Covariances of the filter copies at the start."""
 
-    def __init__(self, lowered: LoweredSystem, p: ca.MX) -> None:
-        self.lowered, self.p = lowered, p
+    def __init__(self, lowered: LoweredSystem, p: ca.MX, mean: ca.MX) -> None:
+        self.lowered, self.p, self.mean = lowered, p, mean
         self.system: AugmentedSystem = lowered.equations.quasi_linear.system
         self.smooth = self.system.model.initial.ground == "smooth"
         self.setback = lowered.noise(ca.MX.zeros(4), p)[2]
-        self.stationary: dict[int, tuple[ca.MX, ca.MX, ca.MX]] = {}
+        self.known: dict[int, ca.MX] = {}
 
-    def matrices(self, copy: FilterCopy) -> tuple[ca.MX, ca.MX, ca.MX]:
-        """C, D and stationary P of a copy."""
-        if copy.start not in self.stationary:
-            C, forcing, D = filter_matrices(self.lowered, copy)(self.p)
-            self.stationary[copy.start] = C, D, _lyapunov(C, forcing)
-        return self.stationary[copy.start]
+    def filter(self, copy: FilterCopy) -> tuple[ca.MX, ca.MX, ca.MX]:
+        """C, D Q D^T and D of a copy."""
+        return filter_matrices(self.lowered, copy)(self.p)
+
+    def stationary(self, copy: FilterCopy) -> ca.MX:
+        """Stationary covariance of a copy."""
+        if copy.start not in self.known:
+            C, forcing, _ = self.filter(copy)
+            self.known[copy.start] = _lyapunov(C, forcing)
+        return self.known[copy.start]
 
     def covariance(self, nf: int) -> ca.MX:
         """Covariance of all filter states, copies on one track correlated over the distance between them."""
@@ -90,12 +94,12 @@ class _GroundStart:
 
     def _between(self, a: FilterCopy, b: FilterCopy) -> ca.MX:
         if a is b:
-            return self.matrices(a)[2]
+            return self.stationary(a)
         distance = self.setback[b.columns[0]] - self.setback[a.columns[0]]
         behind = float(self.system_value(b.setback) - self.system_value(a.setback))
         if behind > 0:  # b is behind a: xi_a = exp(C d) xi_b + what the noise between them brought
-            C, _, P = self.matrices(b)
-            return ca.mtimes(_expm(C * distance, self._squarings(b, behind)), P)
+            C = self.filter(b)[0]
+            return ca.mtimes(_expm(C * distance, self._squarings(b, behind)), self.stationary(b))
         return self._between(b, a).T
 
     def system_value(self, expression: sp.Expr) -> float:
@@ -113,19 +117,21 @@ class _GroundStart:
         """G at the nodes behind each wheel: exp(C (theta - L_k)) D in the rows of its copy, mapped to the vehicle.
 
         Solved with the collocation itself, so that the discrete equations start without a transient. Ground that is
-        smooth behind the start is not read before its gate opens; the constants b_1, b_1 + b_2, .. may stand there.
+        smooth behind the start is not read before its gate opens.
         """
+        if self.smooth:
+            return self._behind_smooth(track)
         copies = [next(c for c in self.system.copies if c.columns == columns) for columns in track.columns]
         q = len(track.columns[0])
         linear = _vehicle_start(self.lowered)(self.p)[1]
         tails = [ca.MX.zeros(len(c.filter.states), q) for c in copies]
         nodes = []
         for k, gap in enumerate(track.gaps):
-            tails[k] = self.matrices_D(copies[k])
+            tails[k] = self.filter(copies[k])[2]
             length = self.setback[copies[k + 1].columns[0]] - self.setback[copies[k].columns[0]]
             for _ in range(gap.elements):
                 columns = [
-                    self._element(c, tail, gap, length / gap.elements)
+                    _collocated(self.filter(c)[0] * (length / gap.elements), tail, gap)
                     for c, tail in zip(copies, tails, strict=True)
                 ]
                 tails = [c[-1] for c in columns]
@@ -133,24 +139,32 @@ class _GroundStart:
                     ground = ca.MX.zeros(nf, q)
                     for copy, values in zip(copies, columns, strict=True):
                         ground[copy.start - nv : copy.start - nv + values[j].size1(), :] = values[j]
-                    vehicle = ca.MX.zeros(nv, q) if self.smooth else ca.mtimes(linear, ground)
-                    nodes.append(ca.vec(ca.vertcat(vehicle, ground)))
+                    nodes.append(ca.vec(ca.vertcat(ca.mtimes(linear, ground), ground)))
         return nodes
 
-    def matrices_D(self, copy: FilterCopy) -> ca.MX:
-        return filter_matrices(self.lowered, copy)(self.p)[2]
+    def _behind_smooth(self, track: TrackDelay) -> list[ca.MX]:
+        """Any smooth data will do where the ground is flat: those of steady travel, or constants from rest."""
+        packing = self.lowered.equations.packing
+        V, dV, _, start = self.lowered.motion(0, self.p)
+        context = ca.vertcat(0, start, V, dV)
+        b = self.lowered.noise(context, self.p)[0]
+        rest = ca.MX.zeros(packing.moments - packing.n, 1)
+        N = self.lowered.gain_matrix(ca.vertcat(self.mean, rest), context, self.p)
+        moving = self.speed_at_start() > 0
+        tail, nodes = ca.MX.zeros(packing.n, len(track.columns[0])), []
+        for k, gap in enumerate(track.gaps):
+            tail += b[:, list(track.columns[k])]
+            length = self.setback[track.columns[k + 1][0]] - self.setback[track.columns[k][0]]
+            for _ in range(gap.elements):
+                values = _collocated(N * (length / gap.elements / V), tail, gap) if moving else [tail] * gap.nodes
+                nodes += [ca.vec(value) for value in values]
+                tail = values[-1]
+        return nodes
 
-    def _element(self, copy: FilterCopy, tail: ca.MX, gap: Gap, h: ca.MX) -> list[ca.MX]:
-        """Values at the nodes of one element, of G_theta = C G from the inflow `tail`."""
-        if self.smooth:
-            return [tail] * gap.nodes
-        _, D = radau(gap.nodes)
-        C = filter_matrices(self.lowered, copy)(self.p)[0]
-        r = C.size1()
-        operator = ca.kron(ca.DM(D[:, 1:]), ca.MX.eye(r)) - ca.kron(ca.MX.eye(gap.nodes), C * h)
-        inflow = -ca.kron(ca.DM(D[:, :1]), tail)
-        values = ca.solve(ca.densify(operator), ca.densify(inflow), "qr")
-        return [values[j * r : (j + 1) * r, :] for j in range(gap.nodes)]
+    def speed_at_start(self) -> float:
+        """V(0) at the declared parameters."""
+        values = self.system.model.parameter_values()
+        return float(self.lowered.motion(0, ca.DM([values[k] for k in self.lowered.parameters]))[0])
 
 
 def _start_environment(lowered: LoweredSystem) -> tuple[ca.SX, dict[sp.Symbol, ca.SX]]:
@@ -171,6 +185,15 @@ def _vehicle_start(lowered: LoweredSystem) -> ca.Function:
         for matrix in (system.initial_offset, system.initial_map, system.initial_covariance)
     ]
     return ca.Function("vehicle", [p], parts, ["p"], ["offset", "map", "delta"])
+
+
+def _collocated(operator: ca.MX, inflow: ca.MX, gap: Gap) -> list[ca.MX]:
+    """Values at the nodes of one element of G_theta = operator G / h, from the inflow."""
+    _, D = radau(gap.nodes)
+    r = operator.size1()
+    matrix = ca.kron(ca.DM(D[:, 1:]), ca.MX.eye(r)) - ca.kron(ca.MX.eye(gap.nodes), ca.densify(operator))
+    values = ca.solve(ca.densify(matrix), ca.densify(-ca.kron(ca.DM(D[:, :1]), inflow)), "qr")
+    return [values[j * r : (j + 1) * r, :] for j in range(gap.nodes)]
 
 
 def _dense(matrix: sp.ImmutableMatrix, env: _Environment) -> ca.SX:

@@ -125,6 +125,15 @@ class LoweredSystem:
         return ca.Function("elements", [theta, ctx, p], parts, ["theta", "ctx", "p"], ["F", "k", "dF", "dk"])
 
     @cached_property
+    def gain_matrix(self) -> ca.Function:
+        """(y, ctx, p) -> N = E[df/dx] at packed means and covariances, wheels all on the ground."""
+        y, ctx, p = ca.SX.sym("y", self.equations.packing.moments), ca.SX.sym("ctx", 4), self._p()
+        env = self.environment(ctx, p)
+        self._add_elements(*self._moments(y), env)
+        N = _sparse(self.equations.gain_matrix, env)
+        return ca.Function("gain_matrix", [y, ctx, p], [N], ["y", "ctx", "p"], ["N"])
+
+    @cached_property
     def output_rows(self) -> ca.Function:
         """(ctx, p) -> for every output, the linear forms of the state that it depends on, (rows, n) each."""
         ctx, p = ca.SX.sym("ctx", 4), self._p()
@@ -187,14 +196,18 @@ class LoweredSystem:
         triangle = ca.SX(ca.Sparsity.lower(n), y[n : packing.moments])
         return y[:n], ca.tril2symm(triangle)
 
+    def _add_elements(self, mu: ca.SX, P: ca.SX, env: dict[sp.Symbol, ca.SX]) -> None:
+        """Give the expectation and gains of every element their values."""
+        equations = self.equations
+        for j, element in enumerate(equations.quasi_linear.elements):
+            F, gain = _describe(element, *_input_moments(element, mu, P, env), env)
+            env[equations.expectations[j]] = F
+            env |= {k: gain[a] for a, k in enumerate(equations.gains[j])}
+
     def _rate(self, y: ca.SX, env: dict[sp.Symbol, ca.SX]) -> ca.SX:
         equations, packing = self.equations, self.equations.packing
         mu, P = self._moments(y)
-        for j, element in enumerate(equations.quasi_linear.elements):
-            m, S = _input_moments(element, mu, P, env)
-            F, gain = _describe(element, m, S, env)
-            env[equations.expectations[j]] = F
-            env |= {k: gain[a] for a, k in enumerate(equations.gains[j])}
+        self._add_elements(mu, P, env)
         env |= {mean: mu[i] for i, mean in enumerate(equations.means)}
         mean_rate = ca.vertcat(*(to_casadi(rate, env) for rate in equations.mean_rate))
         N = _sparse(equations.gain_matrix, env)
