@@ -12,11 +12,12 @@ from typing import Any
 
 import numba
 import numpy as np
+from numba import types
 
 from cadet_sym.simulate.curves import PIECE
 from cadet_sym.simulate.tables import GroundTables, OutputTables, StartTables, StepTables
 from cadet_sym.simulate.program import LANES
-from cadet_sym.simulate.streams import BASE, GOLDEN, HEIGHT, MIX, TAIL, WIDTH
+from cadet_sym.simulate.streams import BASE, GOLDEN, HEIGHT, MIX, TAIL, WIDTH, Streams, start_values
 
 __all__ = ["compile_program", "run_paths"]
 
@@ -25,13 +26,21 @@ _SCALED = WIDTH * BASE
 _MIX_1, _MIX_2 = MIX
 
 
-def _jit(function: Callable[..., Any], *, cache: bool = True) -> Any:
-    """Compile without the interpreter's lock; keep the machine code on disk where there is a place for it."""
-    options = {"nogil": True, "error_model": "numpy"}
+_OPTIONS = {"nogil": True, "error_model": "numpy"}
+_INT, _VECTOR, _TABLE, _BOX = types.int64, *(types.Array(types.float64, n, "C") for n in (1, 2, 3))
+ADVANCE = types.void(_VECTOR, _VECTOR, _INT, _INT, _INT, _INT, _TABLE, _TABLE, _TABLE, _VECTOR, _VECTOR, _VECTOR)
+RECORD = types.void(_VECTOR, _VECTOR, _INT, _TABLE, _VECTOR, _VECTOR, _BOX, _INT, _INT)
+
+
+def _jit(function: Callable[..., Any], *signature: Any) -> Any:
+    """Compile without the interpreter's lock; keep the machine code on disk where there is a place for it.
+
+    numba compiles again when this file has changed.
+    """
     try:
-        return numba.njit(function, cache=cache, **options)
+        return numba.njit(*signature, cache=True, **_OPTIONS)(function)
     except RuntimeError:  # no folder can be written to
-        return numba.njit(function, **options)
+        return numba.njit(*signature, **_OPTIONS)(function)
 
 
 def _mix(z):
@@ -97,25 +106,37 @@ def _draw(state, gamma, out, place, count, bits, late):
 _draw = _jit(_draw)
 
 
-def _combine(matrix, rows, columns, vector, out, place):
-    """out[place:] = matrix @ vector for all lanes."""
-    for a in range(rows):
-        o = place + a * LANES
-        for l in range(LANES):
-            out[o + l] = 0.0
-        for b in range(columns):
-            m = matrix[a, b]
-            if m != 0.0:
-                for l in range(LANES):
-                    out[o + l] += m * vector[b * LANES + l]
+def _follow(laws, k, r, work, ring, place):
+    """Next node of a chain, ring[place:] = laws[k] @ work for all lanes; work holds the node before and deviates.
+
+    Eight lanes at a time in registers; the deviates' part is lower triangular.
+    """
+    for a in range(r):
+        for h in range(0, LANES, 8):
+            s0 = s1 = s2 = s3 = s4 = s5 = s6 = s7 = 0.0
+            for b in range(r + a + 1):
+                m, w = laws[k, a, b], b * LANES + h
+                s0 += m * work[w]
+                s1 += m * work[w + 1]
+                s2 += m * work[w + 2]
+                s3 += m * work[w + 3]
+                s4 += m * work[w + 4]
+                s5 += m * work[w + 5]
+                s6 += m * work[w + 6]
+                s7 += m * work[w + 7]
+            o = place + a * LANES + h
+            ring[o], ring[o + 1], ring[o + 2], ring[o + 3] = s0, s1, s2, s3
+            ring[o + 4], ring[o + 5], ring[o + 6], ring[o + 7] = s4, s5, s6, s7
 
 
-_combine = _jit(_combine)
+_follow = _jit(_follow)
 
 
-def _fill(g, n0, n1, G, ring, made, sums, state, gamma, work, bits, late):
+def _fill(g, n0, n1, G, ring, made, sums, state, gamma):
     """Rows of the nodes n0 .. n1: filter states under each wheel, and noises in time summed since the start."""
     r, noises = g.size, g.noises
+    work = np.zeros(max(2 * r, noises, 1) * LANES)
+    bits, late = np.zeros(LANES, np.uint64), np.zeros(LANES + 1, np.int64)
     for node in range(n0, n1 + 1):
         top = (node - n0) * g.width * LANES
         for track in range(made.shape[0]):
@@ -127,8 +148,8 @@ def _fill(g, n0, n1, G, ring, made, sums, state, gamma, work, bits, late):
                 for l in range(r * LANES):
                     work[l] = ring[before + l]
                 _draw(state[2 + track], gamma[2 + track], work, r * LANES, r, bits, late)
-                law = g.laws[g.law_of[g.law_start[track] + j - 1]]
-                _combine(law, r, 2 * r, work, ring, base + (j % room) * r * LANES)
+                law = g.law_of[g.law_start[track] + j - 1]
+                _follow(g.laws, law, r, work, ring, base + (j % room) * r * LANES)
         for copy in range(g.pick.shape[0]):
             track = g.track_of[copy]
             o = (g.ring_start[track] + g.pick[copy, node] % g.ring_room[track]) * r * LANES
@@ -146,70 +167,74 @@ def _fill(g, n0, n1, G, ring, made, sums, state, gamma, work, bits, late):
                 G[o + l] = sums[l]
 
 
-_fill = _jit(_fill)
-
-
-def _begin(g, start, G, X, ring, made, sums, state, gamma, work, bits, late):
-    """Draw the ground behind the start and the vehicle's initial state; leave node 0 in G."""
-    nv = start.offset.shape[0]
-    made[:] = 0
-    sums[:] = 0.0
-    for track in range(made.shape[0]):
-        _draw(state[2 + track], gamma[2 + track], work, 0, g.size, bits, late)
-        _combine(g.root, g.size, g.size, work, ring, g.ring_start[track] * g.size * LANES)
-    _fill(g, 0, 0, G, ring, made, sums, state, gamma, work, bits, late)
-    _draw(state[0], gamma[0], work, 0, nv, bits, late)
-    _combine(start.root, nv, nv, work, X, 0)
-    for a in range(nv):
-        for l in range(LANES):
-            x = X[a * LANES + l] + start.offset[a]
-            for b in range(start.map.shape[1]):
-                x += start.map[a, b] * G[b * LANES + l]
-            X[a * LANES + l] = x
-
-
-_begin = _jit(_begin)
-
-
-def _run(advance, record, g, start, fine, coarse, out, state, gamma, R, R2):
+def _run(advance, record, fill, g, map_, fine, coarse, out, state, gamma, behind, delta, R, R2):
     """All paths of a group; `coarse` tables have half the steps of `fine` ones, or none if no pair is wanted."""
-    nv, width, paired = start.offset.shape[0], g.width, coarse.H.shape[0] > 0
+    width, paired = g.width, coarse.H.shape[0] > 0
     ring = np.empty(max(1, g.ring_total * g.size * LANES))
     made, sums = np.zeros(g.ring_start.shape[0], np.int64), np.zeros(max(1, g.noises) * LANES)
     G = np.zeros((WINDOW + 1) * width * LANES)
-    X, Y = np.zeros(nv * LANES), np.zeros(nv * LANES)
-    work = np.zeros(max(2 * g.size, nv, g.noises, 1) * LANES)
-    bits, late = np.zeros(LANES, np.uint64), np.zeros(LANES + 1, np.int64)
+    X, Y = np.zeros(delta.shape[0] * LANES), np.zeros(delta.shape[0] * LANES)
+    own, step = np.empty((state.shape[0], LANES), np.uint64), np.empty((state.shape[0], LANES), np.uint64)
     for first in range(0, R.shape[2], LANES):
-        own, step = state[:, first : first + LANES].copy(), gamma[:, first : first + LANES].copy()
-        _begin(g, start, G, X, ring, made, sums, own, step, work, bits, late)
-        Y[:] = X
+        for purpose in range(state.shape[0]):
+            for l in range(LANES):
+                own[purpose, l], step[purpose, l] = state[purpose, first + l], gamma[purpose, first + l]
+        for track in range(made.shape[0]):
+            made[track] = 0
+        for l in range(sums.shape[0]):
+            sums[l] = 0.0
+        for track in range(made.shape[0]):
+            place = g.ring_start[track] * g.size * LANES
+            for a in range(g.size):
+                for l in range(LANES):
+                    ring[place + a * LANES + l] = behind[track, a, first + l]
         k = 0
-        if out.node[0] == 0:
-            record(X, G, 0, out.C, out.q, out.T, R, 0, first)
-            if paired:
-                record(Y, G, 0, out.C, out.q, out.T, R2, 0, first)
-            k = 1
         for n0 in range(0, fine.H.shape[0], WINDOW):
             n1 = min(n0 + WINDOW, fine.H.shape[0])
-            _fill(g, n0, n1, G, ring, made, sums, own, step, work, bits, late)
+            fill(g, n0, n1, G, ring, made, sums, own, step)
+            if n0 == 0:
+                for a in range(delta.shape[0]):
+                    for l in range(LANES):
+                        x = delta[a, first + l]
+                        for b in range(map_.shape[1]):
+                            x += map_[a, b] * G[b * LANES + l]
+                        X[a * LANES + l] = x
+                        Y[a * LANES + l] = x
             i = n0
-            while i < n1:
-                stop = min(n1, out.node[k]) if k < out.node.shape[0] else n1
-                here = G[(i - n0) * width * LANES :]
-                advance(X, here, 1, fine.S[i:stop], fine.E[i:stop], fine.K[i:stop], fine.H[i:stop], fine.q, fine.T)
-                if paired:
-                    a, b = i // 2, stop // 2
-                    advance(Y, here, 2, coarse.S[a:b], coarse.E[a:b], coarse.K[a:b], coarse.H[a:b], fine.q, fine.T)
-                i = stop
+            while True:
                 if k < out.node.shape[0] and out.node[k] == i:
                     record(X, G, i - n0, out.C, out.q, out.T, R, k, first)
                     if paired:
                         record(Y, G, i - n0, out.C, out.q, out.T, R2, k, first)
                     k += 1
+                if i == n1:
+                    break
+                stop = min(n1, out.node[k]) if k < out.node.shape[0] else n1
+                advance(X, G, 1, i - n0, i, stop, fine.S, fine.E, fine.K, fine.H, fine.q, fine.T)
+                if paired:
+                    advance(
+                        Y, G, 2, i - n0, i // 2, stop // 2, coarse.S, coarse.E, coarse.K, coarse.H, fine.q, fine.T
+                    )
+                i = stop
 
 
-_run = _jit(_run, cache=False)
+@lru_cache(maxsize=1)
+def _compiled() -> tuple[Any, Any]:
+    """`_run` and `_fill`, compiled once for all models: what differs between these is called through a pointer."""
+    vector, table, box = (np.zeros((0,) * n) for n in (1, 2, 3))
+    ints = np.zeros(0, np.int64)
+    ground = numba.typeof(
+        GroundTables(0, 0, box, ints, ints, table, ints.reshape(0, 0), ints, ints, ints, ints, 0, False, box, 0, vector)
+    )
+    steps = numba.typeof(StepTables(table, table, table, vector, vector, vector))
+    out = numba.typeof(OutputTables(ints, 0, table, vector, vector))
+    streams, whole = types.Array(types.uint64, 2, "C"), types.Array(_INT, 1, "C")
+    filling = types.void(ground, _INT, _INT, _VECTOR, _VECTOR, whole, _VECTOR, streams, streams)
+    calls = (types.FunctionType(s) for s in (ADVANCE, RECORD, filling))
+    running = types.void(
+        *calls, ground, _TABLE, steps, steps, out, streams, streams, _BOX, _TABLE, _BOX, _BOX
+    )
+    return _jit(_run, running), _jit(_fill, filling)
 
 
 def _where(condition, a, b):
@@ -275,10 +300,10 @@ NAMESPACE: dict[str, Any] = {
 
 @lru_cache(maxsize=64)
 def compile_program(source: str) -> tuple[Any, Any]:
-    """`advance` and `record` of a program, compiled (at their first call)."""
+    """`advance` and `record` of a program, compiled."""
     scope = dict(NAMESPACE)
     exec(compile(source, "<cadet_sym.simulate>", "exec"), scope)
-    return _jit(scope["advance"], cache=False), _jit(scope["record"], cache=False)
+    return numba.njit(ADVANCE, **_OPTIONS)(scope["advance"]), numba.njit(RECORD, **_OPTIONS)(scope["record"])
 
 
 def run_paths(
@@ -288,16 +313,19 @@ def run_paths(
     fine: StepTables,
     coarse: StepTables,
     out: OutputTables,
-    state: np.ndarray,
-    gamma: np.ndarray,
-    paired: bool,
+    streams: list[Streams],
 ) -> tuple[np.ndarray, np.ndarray]:
     """Records (times, rows, paths) of the paths whose streams are given, and of the same with steps twice as long."""
-    count = state.shape[1]
-    lanes = -(-count // LANES) * LANES
-    if lanes > count:  # the last block is filled up with paths that nobody reads
-        state, gamma = (np.pad(s, ((0, 0), (0, lanes - count)), mode="edge") for s in (state, gamma))
-    R = np.empty((out.node.shape[0], out.rows, lanes))
-    R2 = np.empty(R.shape if paired else (0, 0, 0))
-    _run(*compile_program(source), ground, start, fine, coarse, out, state, gamma, R, R2)
-    return R[:, :, :count], R2[:, :, :count]
+    paths = len(streams[0].state)
+    delta, behind = start_values(ground, start, streams)
+    # The last block is filled up with paths that nobody reads.
+    lanes = -(-paths // LANES) * LANES
+    delta, behind, state, gamma = (
+        np.ascontiguousarray(np.pad(values, [(0, 0)] * (values.ndim - 1) + [(0, lanes - paths)], mode="edge"))
+        for values in (delta, behind, *(np.stack([getattr(s, n) for s in streams]) for n in ("state", "gamma")))
+    )
+    R = np.empty((len(out.node), out.rows, lanes))
+    R2 = np.empty(R.shape if len(coarse.H) else (0, 0, 0))
+    run, fill = _compiled()
+    run(*compile_program(source), fill, ground, start.map, fine, coarse, out, state, gamma, behind, delta, R, R2)
+    return R[:, :, :paths], R2[:, :, :paths]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cadet_sym.simulate.curves import lookup
-from cadet_sym.simulate.streams import Streams
+from cadet_sym.simulate.streams import Streams, start_values
 from cadet_sym.simulate.tables import GroundTables, OutputTables, StartTables, StepTables
 
 __all__ = ["run_paths"]
@@ -39,13 +39,13 @@ def _program(source: str) -> tuple[Any, Any]:
 class _Ground:
     """The ground under all wheels, node by node."""
 
-    def __init__(self, tables: GroundTables, streams: list[Streams], paths: int):
-        self.t, self.streams, self.paths = tables, streams, paths
-        self.rings = [np.zeros((room, tables.size, paths)) for room in tables.ring_room]
+    def __init__(self, tables: GroundTables, streams: list[Streams], behind: np.ndarray):
+        self.t, self.streams, self.paths = tables, streams, behind.shape[2]
+        self.rings = [np.zeros((room, tables.size, self.paths)) for room in tables.ring_room]
         self.made = [0] * len(self.rings)
-        self.sums = np.zeros((tables.noises, paths))
-        for ring, stream in zip(self.rings, streams[2:], strict=True):
-            ring[0] = tables.root @ stream.normals(tables.size)
+        self.sums = np.zeros((tables.noises, self.paths))
+        for ring, first in zip(self.rings, behind, strict=True):
+            ring[0] = first
 
     def node(self, node: int) -> np.ndarray:
         """Rows of one node; nodes are asked for in order."""
@@ -86,19 +86,20 @@ def run_paths(
     paths, paired = len(streams[0].state), len(coarse.H) > 0
     R = np.empty((len(out.node), out.rows, paths))
     R2 = np.empty(R.shape if paired else (0, 0, 0))
-    road = _Ground(ground, streams, paths)
+    delta, behind = start_values(ground, start, streams)
+    road = _Ground(ground, streams, behind)
     G = np.zeros((3, ground.width, paths))  # the nodes of the last two steps
     G[0] = road.node(0)
-    X = start.root @ streams[0].normals(len(start.offset)) + start.offset[:, None] + start.map @ G[0, : start.map.shape[1]]
+    X = delta + start.map @ G[0, : start.map.shape[1]]
     Y, k = X.copy(), 0
     with np.errstate(all="ignore"):
         for i in range(len(fine.H) + 1):
             here = 0 if i == 0 else 2 if paired and i % 2 == 0 else 1
             if i > 0:
                 G[here] = road.node(i)
-                advance(X, G[here - 1 :], 1, *_row(fine, i - 1), fine.q, fine.T)
+                advance(X, G, 1, here - 1, i - 1, i, fine.S, fine.E, fine.K, fine.H, fine.q, fine.T)
                 if paired and i % 2 == 0:
-                    advance(Y, G, 2, *_row(coarse, i // 2 - 1), fine.q, fine.T)
+                    advance(Y, G, 2, 0, i // 2 - 1, i // 2, coarse.S, coarse.E, coarse.K, coarse.H, fine.q, fine.T)
             if k < len(out.node) and out.node[k] == i:
                 record(X, G, here, out.C, out.q, out.T, R, k, 0)
                 if paired:
@@ -108,6 +109,3 @@ def run_paths(
                 G[0] = G[here]
     return R, R2
 
-
-def _row(steps: StepTables, i: int) -> tuple[np.ndarray, ...]:
-    return steps.S[i : i + 1], steps.E[i : i + 1], steps.K[i : i + 1], steps.H[i : i + 1]

@@ -200,9 +200,9 @@ class _StepBody:
 
 def _advance(body: _StepBody, shared: Shared, layout: _Lanes | _Rows) -> str:
     coefficients = range(len(shared.coefficients))
-    lines = ["def advance(X, G, stride, S, E, K, H, q, T):"]
+    lines = ["def advance(X, G, stride, node, first, last, S, E, K, H, q, T):"]
     lines += [f"    q{k} = q[{k}]" for k in range(len(shared.constants))]
-    lines += ["    for i in range(H.shape[0]):", "        a = i * stride", "        b = a + stride"]
+    lines += ["    for i in range(first, last):", "        a = node + (i - first) * stride", "        b = a + stride"]
     lines += ["        dt = H[i]", "        half = 0.5 * dt"]
     lines += [f"        c{k}s = S[i, {k}]" for k in coefficients]
     lines += [f"        c{k}e = E[i, {k}]" for k in coefficients]

@@ -14,7 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["BASE", "GOLDEN", "HEIGHT", "MIX", "TAIL", "WIDTH", "Streams", "ziggurat"]
+from cadet_sym.simulate.tables import GroundTables, StartTables
+
+__all__ = ["BASE", "GOLDEN", "HEIGHT", "MIX", "TAIL", "WIDTH", "Streams", "start_values", "ziggurat"]
 
 GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 MIX = (np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB))
@@ -77,6 +79,18 @@ class Streams:
             bits = _mix(self.state + steps)
             self.state = self.state + np.uint64(count) * self.gamma
         return ziggurat(bits)
+
+
+def start_values(ground: GroundTables, start: StartTables, streams: list[Streams]) -> tuple[np.ndarray, np.ndarray]:
+    """What is drawn before the first step: the vehicle apart from the ground, and the ground behind all wheels.
+
+    Returns
+    -------
+    (nv, paths), and (tracks, r, paths).
+    """
+    delta = start.offset[:, None] + start.root @ streams[0].normals(len(start.offset))
+    behind = [ground.root @ stream.normals(ground.size) for stream in streams[2:]]
+    return delta, np.reshape(behind, (len(behind), ground.size, delta.shape[1]))
 
 
 def ziggurat(bits: np.ndarray) -> np.ndarray:

@@ -53,8 +53,7 @@ def records_of(plan: Plan, engine: str, seed: int, first: int, count: int) -> tu
         return plain.run_paths(plan.numpy_source, *tables, streams)
     from cadet_sym.simulate import fast
 
-    state, gamma = (np.stack([getattr(s, name) for s in streams]) for name in ("state", "gamma"))
-    return fast.run_paths(plan.numba_source, *tables, state, gamma, plan.paired)
+    return fast.run_paths(plan.numba_source, *tables, streams)
 
 
 def _group(plan: Plan, engine: str, seed: int, first: int, count: int, states: int, keep: int) -> GroupResult:
