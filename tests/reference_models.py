@@ -32,8 +32,7 @@ def oscillator(restoring: str, *, Q: object, start: str = "", scalar: bool = Fal
     """x' = v, v' = restoring + w, or only the latter."""
     position = "" if scalar else 'x = "v"\n'
     return toml(
-        f'name = "case"\n[rates]\n{position}v = "{restoring} + w"\n[noise]\nw = {Q}\n'
-        f"{start}\n[run]\nduration = 10.0\n"
+        f'name = "case"\n[rates]\n{position}v = "{restoring} + w"\n[noise]\nw = {Q}\n{start}\n[run]\nduration = 10.0\n'
     )
 
 
