@@ -22,7 +22,7 @@ class ModelError(CadetError):
     message : what was found and what to do about it.
     table, key : where in the model ("rates", "v"); the model file's own words.
     token : the offending name or text, to be pointed at when the text is at hand.
-    file, text, column : the model file, the text of the entry, and the character in it to point at.
+    file, text, column : the model file, the text of the entry, and the index of the character in it to point at.
     """
 
     exit_status = 2
@@ -36,7 +36,7 @@ class ModelError(CadetError):
         token: str = "",
         file: str = "",
         text: str = "",
-        column: int | None = None,
+        column: Any = None,
     ):
         super().__init__(message)
         self.message, self.table, self.key, self.token = message, table, key, token

@@ -1,4 +1,4 @@
-"""What keeps a hostile expression cheap: limits on length, nesting, exponents and digits, and the check that a constant is a number.
+"""What keeps a hostile expression cheap: limits on length, nesting, exponents and digits.
 
 SymPy evaluates as it builds, so every node is checked before the next one is built on it.
 """

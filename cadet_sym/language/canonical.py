@@ -14,7 +14,7 @@ from sympy.logic.boolalg import BooleanFalse, BooleanTrue
 
 from cadet_sym.errors import ModelError
 from cadet_sym.language.bounds import checked, power
-from cadet_sym.language.parser import exact
+from cadet_sym.language.names import exact
 from cadet_sym.language.vocabulary import (
     HALF,
     ElementCall,

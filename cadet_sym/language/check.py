@@ -1,32 +1,21 @@
-"""Whether what is declared holds together: one name space, names where they belong, values that make sense.
-
-`structure` looks at names and shapes only, `values` at numbers: it runs again when parameters change.
-"""
+"""Whether what is declared holds together: names declared once and used where they belong, and nothing missing."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
-import numpy as np
 import sympy as sp
 
 from cadet_sym.errors import ModelError
 from cadet_sym.language.ground import Ground
-from cadet_sym.language.kinks import breakpoints
-from cadet_sym.language.numeric import evaluate
+from cadet_sym.language.needs import find_circle, parameter_values
 from cadet_sym.language.places import Places
 from cadet_sym.language.scope import Scope
-from cadet_sym.language.vocabulary import TIME, ElementCall, symbol
+from cadet_sym.language.vocabulary import ElementCall, der, symbol
 
 if TYPE_CHECKING:
     from cadet_sym.language.model import Model
-
-_GRID = 2001  # times at which a speed is looked at, besides its breakpoints
-
-
-# --------------------------------------------------------------------------- names and shapes
 
 
 def structure(model: Model) -> None:
@@ -86,9 +75,13 @@ def _wholeness(model: Model) -> None:
     vehicle, ground, travel = model.vehicle, model.ground, model.travel
     if vehicle.contacts and ground is None:
         contact = next(iter(vehicle.contacts))
-        raise ModelError(f"the contact `{contact}` touches no ground: declare [ground]", table="contacts", key=str(contact))
+        raise ModelError(
+            f"the contact `{contact}` touches no ground: declare [ground]", table="contacts", key=str(contact)
+        )
     if ground is not None and not vehicle.contacts:
-        raise ModelError("no contact touches this ground: declare one in [contacts], or leave [ground] out", table="ground")
+        raise ModelError(
+            "no contact touches this ground: declare one in [contacts], or leave [ground] out", table="ground"
+        )
     if ground is not None and travel is None:
         raise ModelError("a ground needs a [travel]: declare its speed, as speed = 20.0", table="ground")
 
@@ -99,52 +92,6 @@ def parameters(model: Model) -> None:
     for name, parameter in model.parameters.items():
         _within(places.parameter(), parameter.value, table="parameters", key=name)
     parameter_values({name: p.value for name, p in model.parameters.items()})
-
-
-def parameter_values(given: Mapping[str, sp.Expr]) -> dict[str, float]:
-    """Numbers of the parameters, each after those it needs; ModelError for a circle or what is not a finite number."""
-    values: dict[sp.Symbol, float] = {}
-    for name in _sorted_by_need({n: {s.name for s in e.free_symbols} & set(given) for n, e in given.items()}):
-        value = evaluate(given[name], values)
-        if not math.isfinite(value):
-            raise ModelError(f"the value is not a finite number ({value})", table="parameters", key=name)
-        values[symbol(name)] = value
-    return {name: values[symbol(name)] for name in given}
-
-
-def _sorted_by_need(needs: Mapping[str, set[str]]) -> list[str]:
-    done: dict[str, None] = {}
-    while len(done) < len(needs):
-        ready = [name for name, needed in needs.items() if name not in done and needed <= done.keys()]
-        if not ready:
-            circle = find_circle(needs)
-            raise ModelError(
-                f"the parameters {' -> '.join(f'`{n}`' for n in circle)} need each other in a circle",
-                table="parameters",
-                key=circle[0],
-            )
-        done.update(dict.fromkeys(ready))
-    return list(done)
-
-
-def find_circle(needs: Mapping[str, Iterable[str]]) -> list[str]:
-    """Names along one circle of a relation, the first again at the end; empty if there is none."""
-    finished: set[str] = set()
-    for start in needs:
-        path: list[str] = []
-        pending: list[Any] = [iter([start])]
-        while pending:
-            name = next(pending[-1], None)
-            if name is None:
-                pending.pop()
-                if path:
-                    finished.add(path.pop())
-            elif name in path:
-                return [*path[path.index(name) :], name]
-            elif name in needs and name not in finished:
-                path.append(name)
-                pending.append(iter(sorted(needs[name])))
-    return []
 
 
 def no_recursion(calls: Mapping[str, set[str]]) -> None:
@@ -181,19 +128,18 @@ def linear_noise(rate: sp.Expr, places: Places, state: str) -> None:
 def ground_names(ground: Ground, places: Places) -> None:
     """The ground's own equations use its own states and noises, parameters and s."""
     settings = ground.settings
-    if ground.kind == "shaping_filter":
-        own = places.ground([s.name for s in settings["rates"]], settings["noise"].names if settings["noise"] else ())
-        for state, rate in settings["rates"].items():
-            _within(own.ground_rate(), rate, table="ground", key=f"rates.{state}")
+    rates, noise = settings.get("rates", {}), settings.get("noise")
+    own = places.ground([s.name for s in rates], noise.names if noise else ())
+    for state, rate in rates.items():
+        _within(own.ground_rate(), rate, table="ground.rates", key=state.name)
+    if rates:
         _within(own.ground_height(), settings["height"], table="ground", key="height")
-    else:
-        own = places.ground([], ())
-        for key, value in settings.items():
-            if isinstance(value, sp.Basic):
-                _within(own.ground_number(), value, table="ground", key=key)
-    for entry in settings["noise"].intensity if settings.get("noise") else ():
-        _within(own.ground_number(), entry, table="ground", key="noise")
-    for key, value in (("rolling_contact", ground.rolling), ("profile", ground.profile)):
+    for entry in noise.intensity if noise else ():
+        _within(own.ground_number(), entry, table="ground.noise", key="")
+    numbers = {key: value for key, value in settings.items() if isinstance(value, sp.Basic) and key != "height"}
+    patch = ground.patch[0] if ground.patch else None
+    more = {"rolling_contact": ground.rolling, "profile": ground.profile, "contact_patch": patch}
+    for key, value in {**numbers, **more}.items():
         if value is not None:
             _within(own.ground_number(), value, table="ground", key=key)
 
@@ -215,8 +161,6 @@ def _initial(model: Model, places: Places) -> None:
 
 def linear_in_contacts(value: sp.Expr, places: Places, state: str) -> None:
     """An initial value is linear in the contacts and their derivatives."""
-    from cadet_sym.language.vocabulary import der
-
     contacts = {symbol(name) for name in places.of_kind("contact")}
     stand_in = {call: sp.Dummy(real=True) for call in value.atoms(der)}
     plain = value.xreplace(stand_in)
@@ -224,77 +168,7 @@ def linear_in_contacts(value: sp.Expr, places: Places, state: str) -> None:
     for variable in variables:
         if sp.diff(plain, variable).free_symbols & set(variables):
             raise ModelError(
-                "an initial value is linear in the contacts and their derivatives, as `-h`", table="initial", key=state
+                "an initial value is linear in the contacts and their derivatives, as `-h`",
+                table="initial",
+                key=state,
             )
-
-
-# --------------------------------------------------------------------------- numbers
-
-
-def values(model: Model) -> None:
-    """Numbers that make sense: durations, setbacks, covariances, a speed that is never negative."""
-    duration = model.number(model.run.duration)
-    if not (math.isfinite(duration) and duration > 0):
-        raise ModelError(f"a positive duration is wanted, not {duration:g}", table="run", key="duration")
-    for contact, where in model.vehicle.contacts.items():
-        setback = model.number(where.setback)
-        if not (math.isfinite(setback) and setback >= 0):
-            raise ModelError(
-                f"a setback is a distance behind the leading wheel, not negative: {setback:g} found",
-                table="contacts",
-                key=contact.name,
-            )
-    _positive_semidefinite_start(model)
-    if model.noise is not None:
-        known = {symbol(n): v for n, v in model.parameter_values().items()}
-        for t in np.linspace(0, duration, 11):
-            numbers = np.array([[evaluate(e, {**known, TIME: t}) for e in row] for row in model.noise.intensity.tolist()])
-            _semidefinite(numbers, "the intensity", f" at t = {t:g}", table="noise", key=",".join(model.noise.names))
-    if model.travel is not None:
-        nonnegative_speed(model, duration)
-
-
-def _positive_semidefinite_start(model: Model) -> None:
-    states = list(model.vehicle.rates)
-    matrix = np.zeros((len(states), len(states)))
-    for (a, b), value in model.initial.covariance.items():
-        i, j = states.index(a), states.index(b)
-        matrix[i, j] = matrix[j, i] = model.number(value)
-    if model.initial.covariance:
-        _semidefinite(matrix, "the initial covariance", "", table="initial.covariance", key="")
-
-
-def _semidefinite(matrix: np.ndarray, what: str, when: str, **where: str) -> None:
-    if not np.isfinite(matrix).all():
-        raise ModelError(f"{what} is not finite{when}", **where)
-    smallest = float(np.linalg.eigvalsh(matrix)[0])
-    if smallest < -1e-12 * np.abs(matrix).max(initial=0.0):
-        raise ModelError(
-            f"{what} is not positive semidefinite{when}: its smallest eigenvalue is {smallest:.3g}. "
-            "The variances are too small for the covariances, or one is negative",
-            **where,
-        )
-
-
-def nonnegative_speed(model: Model, duration: float) -> None:
-    """Refuse a speed that is negative, or no number, somewhere in the run."""
-    travel = model.travel
-    assert travel is not None
-    known: dict[Any, Any] = {symbol(n): v for n, v in model.parameter_values().items()}
-    key = "speed" if travel.speed is not None else "distance"
-    speed = travel.speed_expression()
-    kinks = [evaluate(k, known) for k in breakpoints([speed], TIME)]
-    times = np.union1d(np.linspace(0, duration, _GRID), [k for k in kinks if 0 <= k <= duration])
-    found = np.broadcast_to(evaluate(speed, {**known, TIME: times}), times.shape)
-    if not np.isfinite(found).all():
-        t = times[~np.isfinite(found)][0]
-        raise ModelError(f"the speed is not a finite number at t = {t:g}", table="travel", key=key)
-    worst = int(np.argmin(found))
-    if found[worst] < -1e-9 * np.abs(found).max(initial=0.0):
-        raise ModelError(
-            f"the speed is negative within the run: {found[worst]:.6g} at t = {times[worst]:.6g}. "
-            "A vehicle may stand but not reverse: shorten the run, or limit the speed, as max(..., 0)",
-            table="travel",
-            key=key,
-        )
-

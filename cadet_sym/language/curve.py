@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ def monotone_slopes(knots: Sequence[sp.Rational], values: Sequence[sp.Rational])
     Inside, the weighted harmonic mean of the two secants, or 0 where they differ in sign; at the ends the one-sided
     three-point slope, limited to keep the shape.
     """
-    steps = [float(b - a) for a, b in zip(knots, knots[1:], strict=False)]
+    steps = [float(b - a) for a, b in pairwise(knots)]
     secants = [float(b - a) / h for a, b, h in zip(values, values[1:], steps, strict=False)]
     if len(secants) == 1:
         return [(values[1] - values[0]) / (knots[1] - knots[0])] * 2
@@ -61,8 +62,7 @@ def curve_pieces(curve: Lookup) -> sp.Expr:
     """The curve as a Piecewise of polynomials in its argument."""
     z, knots, pieces = curve.argument, curve.knots, coefficients(curve)
     polynomials = [
-        sp.Add(*(c * (z - k) ** n for n, c in enumerate(piece)))
-        for k, piece in zip(knots, pieces, strict=False)
+        sp.Add(*(c * (z - k) ** n for n, c in enumerate(piece))) for k, piece in zip(knots, pieces, strict=False)
     ]
     if curve.method == "linear":
         polynomials = [sp.expand(p) for p in polynomials]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,7 +10,7 @@ import sympy as sp
 
 from cadet_sym.errors import ModelError
 from cadet_sym.language.canonical import canonical
-from cadet_sym.language.parser import name_problem
+from cadet_sym.language.names import name_problem
 from cadet_sym.language.vocabulary import ElementCall, NamedElement, symbol
 
 
@@ -29,8 +29,8 @@ class Element:
     """
 
     name: str
-    arguments: tuple[sp.Symbol, ...]
-    value: sp.Expr
+    arguments: Any  # a tuple of symbols
+    value: Any
     text: str = field(default="", compare=False)
     elements: tuple[Element, ...] = field(init=False, compare=False, repr=False)  # called in `value`
 
@@ -44,9 +44,11 @@ class Element:
             raise error.placed(table=f"elements.{self.name}", key="value") from None
 
     def _declared_arguments(self) -> tuple[sp.Symbol, ...]:
-        given: Sequence[Any] = self.arguments
+        given = self.arguments
         where = {"table": f"elements.{self.name}", "key": "arguments"}
-        names = [declared_name(a, "argument", **where) for a in ([given] if isinstance(given, sp.Symbol | str) else given)]
+        names = [
+            declared_name(a, "argument", **where) for a in ([given] if isinstance(given, sp.Symbol | str) else given)
+        ]
         if not names or len(set(names)) != len(names):
             what = "no argument" if not names else "an argument twice"
             raise ModelError(f"the element `{self.name}` has {what}", **where)

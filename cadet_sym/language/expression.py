@@ -1,9 +1,10 @@
-"""Expressions: canonical symbols, `der`, `ElementCall`, `Lookup`; text to expression and back; SymPy of a user made canonical."""
+"""Expressions: canonical symbols, `der`, `ElementCall`, `Lookup`; text to expression and back."""
 
 from cadet_sym.language.bounds import LIMITS, Limits, limits
 from cadet_sym.language.canonical import canonical
+from cadet_sym.language.names import exact
 from cadet_sym.language.numeric import evaluate
-from cadet_sym.language.parser import exact, parse
+from cadet_sym.language.parser import parse
 from cadet_sym.language.printer import unparse
 from cadet_sym.language.scope import ANYTHING, Scope
 from cadet_sym.language.vocabulary import (

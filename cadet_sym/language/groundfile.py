@@ -5,20 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import sympy as sp
 
 from cadet_sym.errors import ModelError
 from cadet_sym.language import ground as grounds
 from cadet_sym.language.element import declared_name
 from cadet_sym.language.ground import Ground
-from cadet_sym.language.parser import did_you_mean
+from cadet_sym.language.names import did_you_mean
 from cadet_sym.language.places import Places
+from cadet_sym.language.scope import Scope
 from cadet_sym.language.vocabulary import DISTANCE, symbol
 
 if TYPE_CHECKING:
     from cadet_sym.language.modelfile import Entries
 
-_COMMON = ("kind", "rolling_contact", "profile")
+_COMMON = ("kind", "rolling_contact", "contact_patch", "profile")
+_TABLE = ("table", "columns", "units", "order")
 
 
 def read_ground(entries: Entries, places: Places, curve: Callable[..., sp.Expr]) -> Ground:
@@ -38,6 +41,8 @@ def read_ground(entries: Entries, places: Places, curve: Callable[..., sp.Expr])
     ground = read(entries, places, curve)
     if "profile" in entries.content:
         ground = ground.with_profile(_profile(entries, places, curve))
+    if "contact_patch" in entries.content:
+        ground = ground.contact_patch(*_patch(entries, scope))
     if "rolling_contact" in entries.content:
         ground = ground.rolling_contact(entries.expression("rolling_contact", scope))
     return ground
@@ -51,6 +56,17 @@ def _profile(entries: Entries, places: Places, curve: Callable[..., sp.Expr]) ->
         inner = Entries("ground.profile", written).only(CURVE_KEYS)
         return curve(inner, DISTANCE, ("length", "length"), "hold", "linear")
     return entries.expression("profile", places.ground([], ()).ground_number())
+
+
+def _patch(entries: Entries, scope: Scope) -> tuple[sp.Expr, int]:
+    from cadet_sym.language.modelfile import Entries
+
+    written = entries.content["contact_patch"]
+    if not isinstance(written, Mapping):
+        return entries.expression("contact_patch", scope), 2
+    inner = Entries("ground.contact_patch", written).only(["length", "order"])
+    inner.get("length", (str, int, float))
+    return inner.expression("length", scope), inner.get("order", int, 2)
 
 
 def _numbers(make: Callable[..., Ground], *keys: str, optional: tuple[str, ...] = ()) -> tuple[tuple[str, ...], Any]:
@@ -82,7 +98,70 @@ def _shaping_filter(entries: Entries, places: Places, curve: Any) -> Ground:
     return grounds.shaping_filter(equations, intensity, height)
 
 
+def _iso8608(entries: Entries, places: Places, curve: Any) -> Ground:
+    scope = places.ground([], ()).ground_number()
+    keys = [key for key in ("gd", "n0", "omega0", "waviness", "cutoff") if key in entries.content]
+    given: dict[str, Any] = {key: entries.expression(key, scope) for key in keys}
+    if "order" in entries.content:
+        given["order"] = entries.get("order", int)
+    return grounds.iso8608(entries.get("class", str, None), **given)
+
+
+def _coefficients(entries: Entries, key: str, scope: Scope) -> list[Any]:
+    """A list of numbers, or of pairs of numbers."""
+    return [
+        tuple(entries.expression(key, scope, part) for part in value)
+        if isinstance(value, list)
+        else entries.expression(key, scope, value)
+        for value in entries.get(key, list)
+    ]
+
+
+def _spectrum(entries: Entries, places: Places, curve: Any) -> Ground:
+    scope = places.ground([], ()).ground_number()
+    if "table" not in entries.content:
+        entries.only([*_COMMON, "numerator", "denominator", "sides"])
+        numerator, denominator = (_coefficients(entries, key, scope) for key in ("numerator", "denominator"))
+        return grounds.spectrum(numerator, denominator, entries.get("sides", int, 1))
+    entries.only([*_COMMON, *_TABLE])
+    # a density against n in cycles is one against 2 pi n in radians, divided by 2 pi
+    n, density = _columns(entries, curve, ("wavenumber", "spectrum"))
+    return _fitted(entries, "fit_spectrum", 2 * np.pi * n, density / (2 * np.pi))
+
+
+def _profile_kind(entries: Entries, places: Places, curve: Any) -> Ground:
+    entries.get("table", (str, list))
+    return _fitted(entries, "fit_profile", *_columns(entries, curve, ("length", "length")))
+
+
+def _columns(entries: Entries, curve: Callable[..., Any], kinds: tuple[str, str]) -> tuple[np.ndarray, np.ndarray]:
+    measured = curve(entries, DISTANCE, kinds, "hold", "linear")
+    return np.array([float(z) for z in measured.knots]), np.array([float(f) for f in measured.values])
+
+
+def _fitted(entries: Entries, how: str, *columns: np.ndarray) -> Ground:
+    from cadet_sym.language import roadfit
+
+    try:
+        return getattr(roadfit, how)(*columns, order=entries.get("order", int, 2)).ground
+    except ModelError as error:
+        raise error.placed(table="ground", key="table") from None
+
+
+def _sections(entries: Entries, places: Places, curve: Any) -> Ground:
+    scope = places.ground([], ()).ground_number()
+    zeros, poles = (_coefficients(entries, key, scope) for key in ("zeros", "poles"))
+    entries.get("gain", (str, int, float))
+    return grounds.sections(zeros, poles, entries.expression("gain", scope))
+
+
+# kind -> its keys, and what reads them
 _READERS: dict[str, tuple[tuple[str, ...], Any]] = {
     "exponential": _numbers(grounds.exponential, "sigma", "cutoff"),
+    "second_order": _numbers(grounds.second_order, "sigma", "cutoff", "wavenumber"),
+    "iso8608": (("class", "gd", "n0", "omega0", "waviness", "cutoff", "order"), _iso8608),
     "shaping_filter": (("rates", "noise", "height"), _shaping_filter),
+    "spectrum": (("numerator", "denominator", "sides", *_TABLE), _spectrum),
+    "profile": (_TABLE, _profile_kind),
+    "sections": (("zeros", "poles", "gain"), _sections),
 }

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 import numpy as np
 import sympy as sp
 from sympy.core.relational import Relational
 
-from cadet_sym.language.parser import exact
+from cadet_sym.language.names import exact
+from cadet_sym.language.numeric import NUMPY, evaluate
 from cadet_sym.language.vocabulary import Lookup
 
 
@@ -32,7 +34,7 @@ def switching_functions(expr: sp.Basic, variable: sp.Symbol) -> list[sp.Expr]:
 
 
 def breakpoints(expressions: Iterable[sp.Basic], variable: sp.Symbol) -> tuple[sp.Expr, ...]:
-    """Positions of the variable at which the expressions switch, sorted where they are numbers; expressions in parameters.
+    """Positions of the variable, numbers or expressions in parameters, at which the expressions switch; numbers sorted.
 
     A switching function that is neither affine in the variable nor a polynomial with numbers is left out.
     """
@@ -51,3 +53,45 @@ def _zeros(function: sp.Expr, variable: sp.Symbol) -> list[sp.Expr]:
         roots = np.roots([float(c) for c in sp.Poly(function, variable).all_coeffs()])
         return [exact(float(r.real)) for r in roots if abs(r.imag) <= 1e-9 * max(1.0, abs(r))]
     return []
+
+
+_STEP = 1e-7  # beside a breakpoint, relative to its position
+
+
+def sides(
+    expr: sp.Expr, variable: sp.Symbol, position: float, values: Mapping[sp.Symbol, float]
+) -> tuple[float, float]:
+    """Limits of `expr` from below and from above at a position of the variable."""
+    at = {**values, variable: position}
+    step = _STEP * max(1.0, abs(position))
+    below, above = ({**values, variable: position + sign * step} for sign in (-1, 1))
+    with np.errstate(all="ignore"):
+        return _limit(expr, at, below), _limit(expr, at, above)
+
+
+def _limit(expr: sp.Basic, at: Mapping[sp.Symbol, float], beside: Mapping[sp.Symbol, float]) -> float:
+    """Value at a point of the branch that is taken beside it."""
+    if isinstance(expr, sp.Piecewise):
+        branch = next(b for b in expr.args if b.args[1] == sp.true or evaluate(b.args[1], beside))
+        return _limit(branch.args[0], at, beside)
+    if isinstance(expr, sp.Abs):
+        return evaluate(sp.sign(expr.args[0]), beside) * _limit(expr.args[0], at, beside)
+    if isinstance(expr, sp.sign | sp.Heaviside):
+        return evaluate(expr, beside)
+    if isinstance(expr, sp.Min | sp.Max):
+        choose: Any = min if isinstance(expr, sp.Min) else max
+        return _limit(choose(expr.args, key=lambda a: evaluate(a, beside)), at, beside)
+    if not expr.args or isinstance(expr, Lookup):
+        return evaluate(expr, at)
+    return float(NUMPY[type(expr)](*(_limit(argument, at, beside) for argument in expr.args)))
+
+
+def jump(
+    expr: sp.Expr, variable: sp.Symbol, positions: Iterable[float], values: Mapping[sp.Symbol, float]
+) -> float | None:
+    """First of the positions at which `expr` has a step, or None."""
+    for position in positions:
+        below, above = sides(expr, variable, position, values)
+        if not abs(below - above) <= 1e-9 * max(abs(below), abs(above)):
+            return position
+    return None

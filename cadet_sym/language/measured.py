@@ -14,7 +14,7 @@ from sympy.core.symbol import Str
 
 from cadet_sym.errors import ModelError
 from cadet_sym.language.bounds import current_limits
-from cadet_sym.language.parser import did_you_mean, exact
+from cadet_sym.language.names import did_you_mean, exact
 from cadet_sym.language.units import conversion
 from cadet_sym.language.vocabulary import Lookup
 
@@ -37,7 +37,9 @@ def checked_rows(rows: Sequence[Row], what: str, label: Callable[[int], str]) ->
         raise ModelError(f"{what} has {len(rows)} row{'s' if len(rows) != 1 else ''}, and a curve needs two or more")
     for k in range(1, len(rows)):
         if rows[k][0] == rows[k - 1][0]:
-            raise ModelError(f"{what}, {label(k)}: the same position {_short(rows[k][0])} as the row before; keep one of them")
+            raise ModelError(
+                f"{what}, {label(k)}: the same position {_short(rows[k][0])} as the row before; keep one of them"
+            )
         if rows[k][0] < rows[k - 1][0]:
             raise ModelError(
                 f"{what}, {label(k)}: {_short(rows[k][0])} after {_short(rows[k - 1][0])}; "
@@ -66,7 +68,12 @@ def inline_rows(given: Any, number: Callable[[Any], sp.Expr]) -> list[Row]:
 
 
 def csv_rows(
-    folder: Path, path: str, *, columns: Sequence[str] = (), units: Sequence[str] = (), kinds: Sequence[str] = ("", "")
+    folder: Path,
+    path: str,
+    *,
+    columns: Sequence[str] = (),
+    units: Sequence[str] = (),
+    kinds: Sequence[str] = ("", ""),
 ) -> list[Row]:
     """Two columns of a CSV file as exact numbers in SI units.
 
@@ -116,7 +123,9 @@ def _read(folder: Path, path: str) -> tuple[list[str], list[tuple[int, list[str]
         raise ModelError(f"{path}, line {reader.line_num}: this is not a row of a CSV file ({error})") from None
     header = lines[0][1]
     if all(_DECIMAL.fullmatch(field) for field in header):
-        raise ModelError(f"{path}, line {lines[0][0]}: numbers where the header should be; name the columns in the first row")
+        raise ModelError(
+            f"{path}, line {lines[0][0]}: numbers where the header should be; name the columns in the first row"
+        )
     if len(header) < 2:
         hint = ": separate them by commas, with a decimal point" if ";" in header[0] or "\t" in header[0] else ""
         raise ModelError(f"{path} has one column, and two are wanted{hint}")
@@ -160,7 +169,10 @@ def _columns(header: list[str], wanted: Sequence[str], path: str) -> list[int]:
     picked = []
     for name in wanted:
         if name not in header and name not in bare:
-            raise ModelError(f"{path} has no column `{name}`{did_you_mean(name, bare)}; it has {', '.join(header)}", token=name)
+            raise ModelError(
+                f"{path} has no column `{name}`{did_you_mean(name, bare)}; it has {', '.join(header)}",
+                token=name,
+            )
         picked.append(header.index(name) if name in header else bare.index(name))
     return picked
 
@@ -178,12 +190,16 @@ def _factors(header: list[str], units: Sequence[str], kinds: Sequence[str], path
             known = None
         if declared is None:
             if known is not None and known != 1:
-                raise ModelError(f"{path}: the header says `{name}`, which is not SI; declare it, as units = [..., ...]")
+                raise ModelError(
+                    f"{path}: the header says `{name}`, which is not SI; declare it, as units = [..., ...]"
+                )
             factors.append(sp.S.One)
             continue
         factor = conversion(declared, kind)
         if known is not None and known != factor:
-            raise ModelError(f"{path}: the header says `{name}`, and the model declares `{declared}`; correct one of them")
+            raise ModelError(
+                f"{path}: the header says `{name}`, and the model declares `{declared}`; correct one of them"
+            )
         factors.append(factor)
     return factors
 

@@ -12,13 +12,15 @@ from typing import Any, Literal
 import sympy as sp
 
 from cadet_sym.errors import ModelError
-from cadet_sym.language import check
+from cadet_sym.language import check, sense
 from cadet_sym.language.canonical import canonical
 from cadet_sym.language.element import declared_name, set_field
 from cadet_sym.language.frozen import FrozenDict
 from cadet_sym.language.ground import Ground
+from cadet_sym.language.names import did_you_mean
+from cadet_sym.language.needs import parameter_values
 from cadet_sym.language.noise import Noise
-from cadet_sym.language.parser import did_you_mean, parse
+from cadet_sym.language.parser import parse
 from cadet_sym.language.travel import Travel
 from cadet_sym.language.vehicle import Vehicle, entries
 from cadet_sym.language.vocabulary import symbol
@@ -45,14 +47,14 @@ class Initial:
     Parameters
     ----------
     ground : "stationary", or "smooth": flat behind the start, so that every filter starts at rest.
-    values : state -> number, or expression in parameters that is linear in contacts and their derivatives; those not listed are 0.
+    values : state -> expression in parameters, linear in contacts and their derivatives; a state not listed is 0.
     covariance : (state, state) -> what is added to the covariance that the values imply; each pair once.
     whole : start the whole system in its stationary state at the initial speed; excludes the others.
     """
 
     ground: Literal["stationary", "smooth"] = "stationary"
-    values: FrozenDict[sp.Symbol, sp.Expr] = field(default_factory=FrozenDict)
-    covariance: FrozenDict[tuple[sp.Symbol, sp.Symbol], sp.Expr] = field(default_factory=FrozenDict)
+    values: Mapping[Any, Any] = field(default_factory=FrozenDict)
+    covariance: Mapping[Any, Any] = field(default_factory=FrozenDict)
     whole: bool = False
 
     def __post_init__(self):
@@ -71,7 +73,9 @@ class Initial:
         set_field(self, "covariance", FrozenDict(_pairs(self.covariance)))
         if self.whole and (self.values or self.covariance or self.ground == "smooth"):
             raise ModelError(
-                '`whole = "stationary"` sets every state: leave the other initial values out', table="initial", key="whole"
+                '`whole = "stationary"` sets every state: leave the other initial values out',
+                table="initial",
+                key="whole",
             )
 
 
@@ -79,7 +83,7 @@ def _pairs(table: Any) -> dict[tuple[sp.Symbol, sp.Symbol], sp.Expr]:
     pairs: dict[tuple[sp.Symbol, sp.Symbol], sp.Expr] = {}
     for key, value in entries(table, "initial covariance"):
         where = {"table": "initial.covariance", "key": str(key)}
-        names = key.split(",") if isinstance(key, str) else key
+        names: Any = key.split(",") if isinstance(key, str) else key
         if not isinstance(names, list | tuple) or len(names) != 2:
             raise ModelError('a covariance is named by two states, as "x,v"', **where)
         a, b = (symbol(n.name if isinstance(n, sp.Symbol) else str(n).strip()) for n in names)
@@ -94,11 +98,14 @@ def _pairs(table: Any) -> dict[tuple[sp.Symbol, sp.Symbol], sp.Expr]:
     return pairs
 
 
+_TEN = sp.Integer(10)
+
+
 @dataclass(frozen=True)
 class Run:
     """Length of the run, number of output times (both ends included), relative tolerance."""
 
-    duration: sp.Expr = sp.Integer(10)
+    duration: sp.Expr = _TEN
     points: int = 101
     rtol: float = 1e-8
 
@@ -109,7 +116,9 @@ class Run:
             raise error.placed(table="run", key="duration") from None
         if isinstance(self.points, bool) or not isinstance(self.points, int) or not 2 <= self.points <= 10_000_000:
             raise ModelError(
-                f"a whole number of output times, 2 or more, is wanted, not {self.points!r}", table="run", key="points"
+                f"a whole number of output times, 2 or more, is wanted, not {self.points!r}",
+                table="run",
+                key="points",
             )
         if isinstance(self.rtol, bool) or not isinstance(self.rtol, float | int) or not 0 < self.rtol < 1:
             raise ModelError(f"a tolerance between 0 and 1 is wanted, not {self.rtol!r}", table="run", key="rtol")
@@ -137,8 +146,8 @@ class Model:
     ground: Ground | None = None
     travel: Travel | None = None
     _: KW_ONLY
-    parameters: FrozenDict[str, Parameter] = field(default_factory=FrozenDict)
-    noise: Noise | None = None
+    parameters: Mapping[Any, Any] = field(default_factory=FrozenDict)
+    noise: Any = None
     initial: Initial = field(default_factory=Initial)
     run: Run = field(default_factory=Run)
     name: str = field(default="", compare=False)
@@ -157,11 +166,11 @@ class Model:
         if self.noise is not None and not isinstance(self.noise, Noise):
             set_field(self, "noise", Noise.independent(dict(entries(self.noise, "noise"))))
         check.structure(self)
-        check.values(self)
+        sense.values(self)
 
     @cached_property
     def _values(self) -> dict[str, float]:
-        return check.parameter_values({name: p.value for name, p in self.parameters.items()})
+        return parameter_values({name: p.value for name, p in self.parameters.items()})
 
     def parameter_values(self) -> dict[str, float]:
         """Every parameter as a number, expressions in other parameters worked out."""
@@ -188,7 +197,11 @@ class Model:
         for key, value in values.items():
             name = key.name if isinstance(key, sp.Symbol) else str(key)
             if name not in changed:
-                raise ModelError(f"there is no parameter `{name}`{did_you_mean(name, changed)}", table="parameters", key=name)
+                raise ModelError(
+                    f"there is no parameter `{name}`{did_you_mean(name, changed)}",
+                    table="parameters",
+                    key=name,
+                )
             try:
                 expr = parse(value) if isinstance(value, str) else canonical(value)
             except ModelError as error:
@@ -199,7 +212,7 @@ class Model:
         made.__dict__.pop("hash", None)
         set_field(made, "parameters", FrozenDict(changed))
         check.parameters(made)
-        check.values(made)
+        sense.values(made)
         return made
 
     @cached_property

@@ -17,7 +17,8 @@ from cadet_sym.language.element import Element, declared_name
 from cadet_sym.language.groundfile import read_ground
 from cadet_sym.language.measured import INTERPOLATION, OUTSIDE, csv_rows, inline_rows, make_curve, read_text
 from cadet_sym.language.model import Initial, Model, Noise, Parameter, Run
-from cadet_sym.language.parser import did_you_mean, exact, parse
+from cadet_sym.language.names import did_you_mean, exact
+from cadet_sym.language.parser import parse
 from cadet_sym.language.places import Places
 from cadet_sym.language.scope import Scope
 from cadet_sym.language.travel import Travel
@@ -25,8 +26,9 @@ from cadet_sym.language.vehicle import Contact, Vehicle
 from cadet_sym.language.vocabulary import TIME, ElementCall, symbol
 
 TOP = (
-    "schema name text parameters elements rates contacts noise ground travel initial outputs run".split()
-)
+    "schema", "name", "text", "parameters", "elements", "rates", "contacts",
+    "noise", "ground", "travel", "initial", "outputs", "run",
+)  # fmt: skip
 _NEW = object()
 
 
@@ -137,7 +139,9 @@ class Entries:
         value = [value] if isinstance(value, str) else value
         for item in value:
             if not isinstance(item, str):
-                raise ModelError(f"a list of names is wanted, and {item!r} is {kind_of(item)}", table=self.name, key=key)
+                raise ModelError(
+                    f"a list of names is wanted, and {item!r} is {kind_of(item)}", table=self.name, key=key
+                )
         return value
 
     def expression(self, key: str, scope: Scope, value: Any = _NEW) -> sp.Expr:
@@ -213,13 +217,20 @@ class _Document:
     def _places(self) -> Places:
         """Declared names, before any expression is read."""
         names: dict[str, list[str]] = {}
-        tables = [("parameter", "parameters"), ("state", "rates"), ("contact", "contacts"), ("element", "elements")]
+        tables = [
+            ("parameter", "parameters"),
+            ("state", "rates"),
+            ("contact", "contacts"),
+            ("element", "elements"),
+        ]
         for kind, name in [*tables, ("output", "outputs")]:
             content = self.table(name).content
             names[kind] = [declared_name(key, kind, table=name, key=key) for key in content]
         if not self.has("rates") or not names["state"]:
-            raise ModelError("a system has at least one state: declare its rate, as x = \"v\"", table="rates")
-        names["noise"] = [declared_name(key, "noise", table="noise", key=key) for key in noise_names(self.table("noise"))]
+            raise ModelError('a system has at least one state: declare its rate, as x = "v"', table="rates")
+        names["noise"] = [
+            declared_name(key, "noise", table="noise", key=key) for key in noise_names(self.table("noise"))
+        ]
         elements = {}
         for name in names["element"]:
             elements[name] = len(self._element_entries(name).names("arguments"))
@@ -248,14 +259,18 @@ class _Document:
             linear_noise(rates[symbol(name)], self.places, name)
         contacts = {symbol(name): self._contact(name) for name in self.table("contacts").content}
         outputs = {
-            name: self.table("outputs").expression(name, self.places.output(name)) for name in self.table("outputs").content
+            name: self.table("outputs").expression(name, self.places.output(name))
+            for name in self.table("outputs").content
         }
-        return Vehicle(rates, contacts, outputs, elements)  # type: ignore[arg-type]
+        return Vehicle(rates, contacts, outputs, elements)
 
     def _contact(self, name: str) -> Contact:
         entries = Entries(f"contacts.{name}", self.table("contacts").content[name]).only(["setback", "track"])
         setback = expression(
-            entries.content.get("setback", 0), self.places.number("a setback"), table="contacts", key=f"{name}.setback"
+            entries.content.get("setback", 0),
+            self.places.number("a setback"),
+            table="contacts",
+            key=f"{name}.setback",
         )
         return Contact(setback, entries.get("track", str, "main"))
 
@@ -270,11 +285,15 @@ class _Document:
             what = "both" if "value" in entries.content else "neither"
             raise ModelError(f"an element has either a `value` or a `table`, {what} given", table=entries.name)
         if "value" in entries.content:
-            return Element(name, arguments, entries.expression("value", self.places.element(arguments)), text)  # type: ignore[arg-type]
+            return Element(name, arguments, entries.expression("value", self.places.element(arguments)), text)
         if len(arguments) != 1:
-            raise ModelError(f"a measured element has one argument, {len(arguments)} given", table=entries.name, key="arguments")
+            raise ModelError(
+                f"a measured element has one argument, {len(arguments)} given",
+                table=entries.name,
+                key="arguments",
+            )
         curve = self.curve(entries, symbol(arguments[0]), ("", ""), "extrapolate", "linear")
-        return Element(name, arguments, curve, text)  # type: ignore[arg-type]
+        return Element(name, arguments, curve, text)
 
     def curve(
         self, entries: Entries, argument: sp.Expr, kinds: tuple[str, str], outside: str, interpolation: str
@@ -324,7 +343,9 @@ class _Document:
         others = [key for key in content if key != "whole"]
         if whole and others:
             raise ModelError(
-                f'`whole = "stationary"` sets every state: leave `{others[0]}` out, or `whole`', table="initial", key="whole"
+                f'`whole = "stationary"` sets every state: leave `{others[0]}` out, or `whole`',
+                table="initial",
+                key="whole",
             )
         values = {}
         for name in content:
@@ -335,7 +356,7 @@ class _Document:
             values[symbol(name)] = table.expression(name, self.places.initial())
         scope = self.places.number("a covariance")
         pairs = {key: covariance.expression(key, scope) for key in covariance.content}
-        return Initial(ground, values, pairs, bool(whole))  # type: ignore[arg-type]
+        return Initial(ground, values, pairs, bool(whole))
 
     def _run(self) -> Run:
         entries = self.table("run").only(["duration", "points", "rtol"])
@@ -352,7 +373,9 @@ CURVE_KEYS = ("table", "outside", "interpolation", "columns", "units")
 def _one_of(entries: Entries, key: str, words: tuple[str, ...], default: str) -> str:
     word = entries.get(key, str, default)
     if word not in words:
-        raise ModelError(f'`{key}` is {" or ".join(f"{w!r}" for w in words)}, not {word!r}', table=entries.name, key=key)
+        raise ModelError(
+            f"`{key}` is {' or '.join(f'{w!r}' for w in words)}, not {word!r}", table=entries.name, key=key
+        )
     return word
 
 
@@ -372,9 +395,7 @@ def read_noise(entries: Entries, scope: Scope) -> Noise:
         rows = entries.get("intensity", list)
         rows = [row if isinstance(row, list) else [row] for row in rows]
         matrix = [[entries.expression("intensity", scope, value) for value in row] for row in rows]
-        return Noise(tuple(names), matrix)  # type: ignore[arg-type]
+        return Noise(tuple(names), matrix)
     except ModelError as error:
         error.table = entries.name
         raise
-
-

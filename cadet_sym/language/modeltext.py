@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import sympy as sp
 
 from cadet_sym.errors import ModelError
 from cadet_sym.language.ground import Ground
+from cadet_sym.language.names import exact
 from cadet_sym.language.noise import Noise
-from cadet_sym.language.parser import exact
 from cadet_sym.language.printer import unparse
 from cadet_sym.language.tomltext import key_text, table_text
 from cadet_sym.language.vocabulary import Lookup
@@ -30,7 +31,9 @@ def to_toml(model: Model) -> str:
         add(table_text("parameters", {name: _parameter(p) for name, p in model.parameters.items()}))
     for name, element in vehicle.elements.items():
         entries: dict[str, Any] = {"arguments": [a.name for a in element.arguments]}
-        entries |= curve_entries(element.value) if isinstance(element.value, Lookup) else {"value": entry(element.value)}
+        entries |= (
+            curve_entries(element.value) if isinstance(element.value, Lookup) else {"value": entry(element.value)}
+        )
         if element.text:
             entries["text"] = element.text
         add(table_text(f"elements.{key_text(name)}", entries))
@@ -73,7 +76,10 @@ def noise_entries(noise: Noise) -> dict[str, Any]:
     """Independent noises one by one, correlated ones as a matrix."""
     if noise.is_diagonal and not {"names", "intensity"} & set(noise.names):
         return {name: entry(noise.intensity[i, i]) for i, name in enumerate(noise.names)}
-    return {"names": list(noise.names), "intensity": [[entry(e) for e in row] for row in noise.intensity.tolist()]}
+    return {
+        "names": list(noise.names),
+        "intensity": [[entry(e) for e in row] for row in noise.intensity.tolist()],
+    }
 
 
 def _parameter(parameter: Parameter) -> Any:
@@ -89,19 +95,24 @@ def _ground(ground: Ground) -> dict[str, Any]:
     for key, value in ground.settings.items():
         if isinstance(value, Noise):
             entries[key] = noise_entries(value)
-        elif isinstance(value, sp.Basic):
-            entries[key] = entry(value)
-        elif hasattr(value, "items"):
+        elif isinstance(value, Mapping):
             entries[key] = {str(k): entry(v) for k, v in value.items()}
-        elif isinstance(value, tuple):
-            entries[key] = [entry(v) if isinstance(v, sp.Basic) else v for v in value]
         elif value is not None:
-            entries[key] = value
+            entries[key] = _nested(value)
+    if ground.patch is not None:
+        entries["contact_patch"] = {"length": entry(ground.patch[0]), "order": ground.patch[1]}
     if ground.rolling is not None:
         entries["rolling_contact"] = entry(ground.rolling)
     if ground.profile is not None:
-        entries["profile"] = curve_entries(ground.profile) if isinstance(ground.profile, Lookup) else entry(ground.profile)
+        measured = isinstance(ground.profile, Lookup)
+        entries["profile"] = curve_entries(ground.profile) if measured else entry(ground.profile)
     return entries
+
+
+def _nested(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [_nested(part) for part in value]
+    return entry(value) if isinstance(value, sp.Basic) else value
 
 
 def _travel(model: Model) -> dict[str, Any]:
@@ -119,7 +130,7 @@ def _initial(initial: Initial) -> list[str]:
     for state in initial.values:
         if state.name in _INITIAL_KEYS:
             raise ModelError(
-                f"the state `{state}` cannot have an initial value in a model file, where that word has a meaning of its own",
+                f"the state `{state}` cannot have an initial value in a model file: that word has a meaning there",
                 table="initial",
                 key=state.name,
             )

@@ -20,14 +20,14 @@ class Noise:
     Parameters
     ----------
     names : of the noises.
-    intensity : (m, m), symmetric, in (unit of the rate)^2 times the unit of time (of distance, in a ground); expressions in
-        parameters and t (s, in a ground). One number for all, m numbers for the diagonal, or the matrix.
+    intensity : (m, m), symmetric, in (unit of the rate)^2 times the unit of time (of distance, in a ground);
+        expressions in parameters and t (s, in a ground). One number for all, m numbers for the diagonal, or the matrix.
 
     `Noise({"w": "Q"})`-like mappings are for independent noises: `Noise.independent({w: Q})`.
     """
 
-    names: tuple[str, ...]
-    intensity: sp.ImmutableMatrix
+    names: Any  # tuple of texts
+    intensity: Any  # (m, m) ImmutableMatrix
 
     def __post_init__(self):
         given: Any = self.names
@@ -55,7 +55,9 @@ def _matrix(given: Any, names: Sequence[str]) -> sp.ImmutableMatrix:
     if isinstance(given, sp.MatrixBase):
         rows = given.tolist()
     elif isinstance(given, Sequence) or hasattr(given, "tolist"):
-        rows = [list(row) if isinstance(row, Sequence) else row for row in list(getattr(given, "tolist", lambda: given)())]
+        rows = [
+            list(row) if isinstance(row, Sequence) else row for row in list(getattr(given, "tolist", lambda: given)())
+        ]
         if rows and not isinstance(rows[0], list):
             rows = sp.diag(*map(canonical, rows)).tolist()
     else:
@@ -63,7 +65,9 @@ def _matrix(given: Any, names: Sequence[str]) -> sp.ImmutableMatrix:
     if len(rows) != size or any(len(row) != size for row in rows):
         shape = f"{len(rows)} rows of {sorted({len(row) for row in rows})}"
         raise ModelError(
-            f"the intensity of {size} noises is a {size} x {size} matrix, not {shape}", table="noise", key="intensity"
+            f"the intensity of {size} noises is a {size} x {size} matrix, not {shape}",
+            table="noise",
+            key="intensity",
         )
     matrix = sp.ImmutableMatrix([[canonical(entry) for entry in row] for row in rows])
     for i in range(size):

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from cadet_sym.errors import ModelError
-from cadet_sym.language.parser import did_you_mean
+from cadet_sym.language.names import did_you_mean
 from cadet_sym.language.scope import Scope
 
 _TABLES = {

@@ -19,8 +19,8 @@ _REASONS = {
     "output": "`{name}` is an output, which may stand only in a later output",
     "element": "`{name}` is an element: write it with its arguments, `{name}(...)`",
     "later output": "`{name}` is declared later: an output may use the outputs above it",
-    "vehicle's name": "`{name}` belongs to the vehicle: the ground's equations see only the ground's states and noises, "
-    "parameters and `s`",
+    "vehicle's name": "`{name}` belongs to the vehicle: the ground's equations see only the ground's states "
+    "and noises, parameters and `s`",
 }
 
 
@@ -88,7 +88,9 @@ class Scope:
         if order <= self.derivatives.get(kind, 0):
             return None
         if kind == "state" and self.derivatives.get("state"):
-            return f"`der({name}, {order})`: of a state only the first derivative is known; take `der` of its rate's state"
+            return (
+                f"`der({name}, {order})`: of a state only the first derivative is known; take `der` of its rate's state"
+            )
         if kind == "state" and "state" in self.allowed:
             return f"`der({name})`: the derivative of a state may stand in an output; in a rate, write that rate"
         if kind in ("contact", "state"):

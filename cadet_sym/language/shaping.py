@@ -71,36 +71,51 @@ def filter_of_rates(rates: Mapping[sp.Symbol, sp.Expr], noise: Noise, height: sp
     profile = height.xreplace(dict.fromkeys(states, sp.S.Zero))
     matrix = sp.ImmutableMatrix
     return ShapingFilter(
-        tuple(s.name for s in states), matrix(C), matrix(D), noise.intensity, matrix([F]), matrix(offset), profile
+        tuple(s.name for s in states),
+        matrix(C),
+        matrix(D),
+        noise.intensity,
+        matrix([F]),
+        matrix(offset),
+        profile,
     )
 
 
 def rolled(road: ShapingFilter, cutoff: sp.Expr) -> ShapingFilter:
     """The height under a rolling contact: u' = cutoff (F xi + profile - u).
 
-    Where the road's height is a state of its own, that state gives way to `height` = u and `slope` = cutoff (F xi - u), which is u'
-    where there is no profile; else `height` joins the states.
+    Where the road's height is a state of its own, that state gives way to `height` = u and `slope` = cutoff (F xi - u),
+    which is u' where there is no profile; else, and where the cut-off varies, `height` joins the states.
     """
     names = [n if n not in ("height", "slope") else f"road_{n}" for n in road.states]
     unit = [j for j, f in enumerate(road.F) if f == 1]
-    b, n = cutoff, len(names)
-    if len(unit) == 1 and sum(f != 0 for f in road.F) == 1:
+    b = cutoff
+    if len(unit) == 1 and sum(f != 0 for f in road.F) == 1 and DISTANCE not in b.free_symbols:
         return _rolled_state(road, b, unit[0], names)
-    C = sp.zeros(n + 1, n + 1)
-    C[0, 0], C[0, 1:], C[1:, 1:] = -b, b * road.F, road.C
-    D = sp.Matrix.vstack(sp.zeros(1, road.D.cols), road.D)
-    offset = sp.Matrix.vstack(sp.Matrix([[b * road.profile]]), sp.Matrix(road.offset))
-    return _filter(("height", *names), C, D, road, offset)
+    return cascade(road, make_filter(("height",), [[-b]], [[b]], [[1]], [[1]]))
+
+
+def cascade(road: ShapingFilter, second: ShapingFilter) -> ShapingFilter:
+    """The road's height, profile included, as the input of a second filter; its states come first."""
+    taken = {*second.states}
+    names = [n if n not in taken else f"road_{n}" for n in road.states]
+    B, m = second.D, road.D.cols
+    C = sp.Matrix(sp.BlockMatrix([[second.C, B * road.F], [sp.zeros(len(names), len(second.states)), road.C]]))
+    D = sp.Matrix.vstack(sp.zeros(len(second.states), m), sp.Matrix(road.D))
+    offset = sp.Matrix.vstack(sp.Matrix(B * road.profile), sp.Matrix(road.offset))
+    F = sp.Matrix.hstack(sp.Matrix(second.F), sp.zeros(1, len(names)))
+    matrix = sp.ImmutableMatrix
+    return ShapingFilter((*second.states, *names), matrix(C), matrix(D), road.Q, matrix(F), matrix(offset))
 
 
 def _rolled_state(road: ShapingFilter, b: sp.Expr, j: int, names: list[str]) -> ShapingFilter:
-    """States (u, q = b (h - u), the others), h = u + q / b; then u' = q + b g and q' = (b'/b) q + b (h' - u')."""
+    """States (u, q = b (h - u), the others), h = u + q / b; then u' = q + b g and q' = b (h' - u')."""
     others = [k for k in range(len(names)) if k != j]
     n, m = len(names) + 1, road.D.cols
     C, D, offset = sp.zeros(n, n), sp.zeros(n, m), sp.zeros(n, 1)
     C[0, 1] = sp.S.One
     C[1, 0] = b * road.C[j, j]
-    C[1, 1] = sp.expand(road.C[j, j] - b + sp.diff(b, DISTANCE) / b)
+    C[1, 1] = sp.expand(road.C[j, j] - b)
     offset[0] = b * road.profile
     offset[1] = b * (road.offset[j] - b * road.profile)
     D[1, :] = b * road.D[j, :]
@@ -114,7 +129,9 @@ def _rolled_state(road: ShapingFilter, b: sp.Expr, j: int, names: list[str]) -> 
     return _filter(("height", "slope", *(names[k] for k in others)), C, D, road, offset)
 
 
-def _filter(states: tuple[str, ...], C: sp.Matrix, D: sp.Matrix, road: ShapingFilter, offset: sp.Matrix) -> ShapingFilter:
+def _filter(
+    states: tuple[str, ...], C: sp.Matrix, D: sp.Matrix, road: ShapingFilter, offset: sp.Matrix
+) -> ShapingFilter:
     matrix = sp.ImmutableMatrix
     F = sp.zeros(1, len(states))
     F[0] = 1

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import sympy as sp
 
 from cadet_sym.errors import ModelError
 from cadet_sym.language.canonical import canonical
 from cadet_sym.language.element import set_field
+from cadet_sym.language.integral import integral
 from cadet_sym.language.kinks import breakpoints
 from cadet_sym.language.vocabulary import TIME, Lookup
 
@@ -22,6 +24,7 @@ class Travel:
     speed : expression in `t` and parameters, never negative; a `Lookup` in `t` for a measured one.
     distance : expression in `t` and parameters, in place of the speed.
     start : where the leading wheel stands at t = 0; with a distance it is distance(0).
+    table : the measured curve that `speed` was made of, if it was.
     """
 
     speed: sp.Expr | None = None
@@ -30,7 +33,7 @@ class Travel:
     table: Lookup | None = None
 
     def __post_init__(self):
-        if (self.speed is None) == (self.distance is None) and self.table is None:
+        if (self.speed is None) == (self.distance is None):
             what = "neither" if self.speed is None else "both"
             raise ModelError(f"either `speed` or `distance` is wanted, {what} given", table="travel")
         for key in ("speed", "distance", "start"):
@@ -40,15 +43,17 @@ class Travel:
                     set_field(self, key, canonical(value))
                 except ModelError as error:
                     raise error.placed(table="travel", key=key) from None
-        if isinstance(self.speed, Lookup) and self.speed.argument == TIME:
+        if isinstance(self.speed, Lookup):
             set_field(self, "table", self.speed)
             set_field(self, "speed", self.speed.as_piecewise())
         if self.distance is not None and self.start != 0:
-            raise ModelError("with `distance` given, the start is distance(0): leave `start` out", table="travel", key="start")
+            raise ModelError(
+                "with `distance` given, the start is distance(0): leave `start` out", table="travel", key="start"
+            )
 
     @property
     def breakpoints(self) -> tuple[sp.Expr, ...]:
-        """Times, expressions in parameters, at which the speed has a kink or a step."""
+        """Times, expressions in parameters, at which the speed may have a kink or a step."""
         return breakpoints([e for e in (self.speed, self.distance) if e is not None], TIME)
 
     def speed_expression(self) -> sp.Expr:
@@ -56,12 +61,12 @@ class Travel:
         return self.speed if self.speed is not None else sp.diff(self.distance, TIME)
 
     def closed_distance(self) -> sp.Expr | None:
-        """s(t) where it has a closed form: given, or the integral of a polynomial; else None."""
+        """s(t) where it has a closed form: given, or the integral of a piecewise polynomial; else None."""
+        return self._closed_distance
+
+    @cached_property
+    def _closed_distance(self) -> sp.Expr | None:
         if self.distance is not None:
             return self.distance
-        speed = self.speed
-        if speed is not None and speed.is_polynomial(TIME):
-            poly = sp.Poly(speed, TIME)
-            terms = [c * TIME ** (n + 1) / (n + 1) for (n,), c in poly.terms()]
-            return sp.Add(self.start, *terms)
-        return None
+        travelled = integral(self.speed)
+        return None if travelled is None else self.start + travelled

@@ -7,7 +7,7 @@ import re
 import sympy as sp
 
 from cadet_sym.errors import ModelError
-from cadet_sym.language.parser import did_you_mean
+from cadet_sym.language.names import did_you_mean
 
 Dimension = tuple[int, int, int]  # powers of length, mass, time
 
@@ -18,6 +18,7 @@ UNITS: dict[str, tuple[sp.Expr, Dimension]] = {
     "-": (_R(1), (0, 0, 0)),
     "%": (_R(1, 100), (0, 0, 0)),
     "rad": (_R(1), (0, 0, 0)),
+    "cycle": (_R(1), (0, 0, 0)),
     "mm": (_R(1, 1000), (1, 0, 0)),
     "cm": (_R(1, 100), (1, 0, 0)),
     "dm": (_R(1, 10), (1, 0, 0)),
@@ -52,7 +53,13 @@ UNITS: dict[str, tuple[sp.Expr, Dimension]] = {
     "MPa": (_R(10**6), (-1, 1, -2)),
     "bar": (_R(10**5), (-1, 1, -2)),
 }
-KINDS: dict[str, Dimension] = {"length": (1, 0, 0), "time": (0, 0, 1), "speed": (1, 0, -1), "spectrum": (3, 0, 0)}
+KINDS: dict[str, Dimension] = {
+    "length": (1, 0, 0),
+    "time": (0, 0, 1),
+    "speed": (1, 0, -1),
+    "wavenumber": (-1, 0, 0),
+    "spectrum": (3, 0, 0),
+}
 _FACTOR = re.compile(r"([A-Za-zµ%1-]+?)(?:(?:\^|\*\*)?(-?[1-9]))?")
 _POWERS = str.maketrans({"²": "2", "³": "3", "·": "*", "μ": "µ"})
 

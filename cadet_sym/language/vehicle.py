@@ -25,7 +25,7 @@ class Contact:
     track : name of the track it runs on; wheels of one track meet the same ground.
     """
 
-    setback: sp.Expr = sp.S.Zero
+    setback: Any = sp.S.Zero
     track: str = "main"
 
     def __post_init__(self):
@@ -46,10 +46,10 @@ class Vehicle:
     elements : name -> `Element`; those called in rates and outputs need not be given.
     """
 
-    rates: FrozenDict[sp.Symbol, sp.Expr]
-    contacts: FrozenDict[sp.Symbol, Contact] = field(default_factory=FrozenDict)
-    outputs: FrozenDict[str, sp.Expr] = field(default_factory=FrozenDict)
-    elements: FrozenDict[str, Element] = field(default_factory=FrozenDict)
+    rates: Mapping[Any, Any]
+    contacts: Mapping[Any, Any] = field(default_factory=FrozenDict)
+    outputs: Mapping[Any, Any] = field(default_factory=FrozenDict)
+    elements: Mapping[str, Element] = field(default_factory=FrozenDict)
     order: tuple[sp.Symbol, ...] = field(init=False, repr=False)  # of results: states, then contacts
 
     def __post_init__(self):

@@ -1,8 +1,8 @@
 """The words of an expression: canonical symbols, the three functions SymPy lacks, and the table of the others.
 
-Every symbol of a model is `symbol(name)`, real and nothing else, so that an expression read from a file and the same one built in
-SymPy are equal. Numbers are exact. A conditional, a relation, Min and Max are built without SymPy's evaluation, which solves
-inequalities and asks assumptions at a cost no one can bound.
+Every symbol of a model is `symbol(name)`, real and nothing else, so that an expression read from a file and the same
+one built in SymPy are equal. Numbers are exact. A conditional, a relation, Min and Max are built without SymPy's
+evaluation, which solves inequalities and asks assumptions at a cost no one can bound.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ SPEED_RATE = symbol("V'(t)")
 HALF = sp.Rational(1, 2)
 
 
-class der(sp.Function):
+class der(sp.Function):  # noqa: N801  the word of the language
     """Derivative in time: `der(h)`, `der(h, 2)` of a contact; `der(x)` of a state in an output."""
 
     is_real = True
 
-    def __new__(cls, of: Any, order: Any = 1):
+    def __new__(cls, of: Any, order: Any = 1):  # noqa: D102
         of, order = sp.sympify(of), sp.sympify(order)
         if not order.is_Integer or order < 0:
             raise ModelError(f"the order of a derivative is a whole number, `der({of}, {order})` has {order}")
@@ -92,8 +92,8 @@ class ElementCall(sp.Function):
 class Lookup(sp.Function):
     """A measured curve: `Lookup(z, (z_1, ..), (f_1, ..), "extrapolate"|"hold", "linear"|"monotone")`.
 
-    Between the rows straight lines, or the monotone cubic of Fritsch and Butland (1984, SIAM J. Sci. Stat. Comput. 5, 300);
-    outside, the last piece goes on, or the last value holds.
+    Between the rows straight lines, or the monotone cubic of Fritsch and Butland (1984, SIAM J. Sci. Stat. Comput. 5,
+    300); outside, the last piece goes on, or the last value holds.
     """
 
     is_real = True
@@ -138,7 +138,7 @@ class Lookup(sp.Function):
 
 
 class NamedElement(Str):
-    """The name of an element that still knows its declaration: what calling an `Element` in Python leaves in an expression.
+    """The name of an element that still knows its declaration: what calling an `Element` leaves in an expression.
 
     `Vehicle` collects the declarations and keeps the plain name.
     """
@@ -146,7 +146,7 @@ class NamedElement(Str):
     __slots__ = ("element",)
     element: Any
 
-    def __new__(cls, name: str, element: Any):
+    def __new__(cls, name: str, element: Any):  # noqa: D102
         made = Str.__new__(cls, name)
         made.element = element
         return made
@@ -162,7 +162,7 @@ class NamedElement(Str):
 
 
 def relation(kind: type[sp.Rel], left: sp.Expr, right: sp.Expr) -> Boolean:
-    """A comparison; decided if both sides are rational numbers, else only put into one form: `2*z - 1 < 0` is `z < 1/2`."""
+    """A comparison; decided if both sides are rational, else only put into one form: `2*z - 1 < 0` is `z < 1/2`."""
     if left.is_Rational and right.is_Rational:
         return kind(left, right)
     raw = kind(left, right, evaluate=False)
@@ -179,7 +179,7 @@ def relation(kind: type[sp.Rel], left: sp.Expr, right: sp.Expr) -> Boolean:
 
 
 def piecewise(branches: Sequence[tuple[sp.Expr, Any]]) -> sp.Expr:
-    """`A if c else B if d else C` as a Piecewise, flat in its last branch, without the branches that cannot be taken."""
+    """`A if c else B if d else C` as a Piecewise, flat in its last branch, without branches that cannot be taken."""
     flat: list[tuple[sp.Expr, Any]] = []
     for value, condition in branches:
         if condition == sp.false:
@@ -246,4 +246,4 @@ FUNCTIONS: dict[str, tuple[int, int | None, Any]] = {
     "heaviside": (1, 1, heaviside),
 }
 KEYWORDS = frozenset({"and", "or", "not", "if", "else"})
-RESERVED = frozenset({"t", "s", "pi", "der"})
+RESERVED = {"t": "time", "s": "distance", "pi": "the number", "der": "the derivative"}

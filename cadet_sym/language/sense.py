@@ -1,0 +1,218 @@
+"""Whether the numbers of a model make sense: durations, setbacks, covariances, intensities, the speed, the road.
+
+Runs again when parameters change.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import sympy as sp
+
+from cadet_sym.errors import ModelError
+from cadet_sym.language.ground import Ground
+from cadet_sym.language.kinks import jump
+from cadet_sym.language.numeric import evaluate
+from cadet_sym.language.shaping import ShapingFilter
+from cadet_sym.language.vocabulary import DISTANCE, TIME, der, symbol
+
+if TYPE_CHECKING:
+    from cadet_sym.language.model import Model
+
+_GRID = 2001  # times at which a speed is looked at, besides its breakpoints
+_TIMES = 11  # times at which an intensity is looked at
+
+
+def values(model: Model) -> None:
+    """Refuse numbers that make no sense; the message says which, where, and what would."""
+    known = {symbol(name): value for name, value in model.parameter_values().items()}
+    duration = evaluate(model.run.duration, known)
+    if not (math.isfinite(duration) and duration > 0):
+        raise ModelError(f"a positive duration is wanted, not {duration:g}", table="run", key="duration")
+    for contact, where in model.vehicle.contacts.items():
+        setback = evaluate(where.setback, known)
+        if not (math.isfinite(setback) and setback >= 0):
+            raise ModelError(
+                f"a setback is a distance behind the leading wheel and not negative: {setback:g} found",
+                table="contacts",
+                key=f"{contact}.setback",
+            )
+    _start(model, known)
+    if model.noise is not None:
+        name = ",".join(model.noise.names)
+        for t in np.linspace(0, duration, _TIMES):
+            _semidefinite(
+                _numbers(model.noise.intensity, {**known, TIME: t}),
+                f"the intensity of `{name}` at t = {t:g}",
+                table="noise",
+            )
+    if model.travel is not None:
+        _speed(model, known, duration)
+    if model.ground is not None and model.travel is not None:
+        _ground(model, model.ground, known)
+
+
+def _numbers(matrix: sp.MatrixBase, known: Mapping[sp.Symbol, float]) -> np.ndarray:
+    return np.array([[evaluate(entry, known) for entry in row] for row in matrix.tolist()]).reshape(matrix.shape)
+
+
+# --------------------------------------------------------------------------- start
+
+
+def _start(model: Model, known: Mapping[sp.Symbol, float]) -> None:
+    for state, value in model.initial.values.items():
+        number = evaluate(value, known) if not value.free_symbols - known.keys() and not value.has(der) else 0.0
+        if not math.isfinite(number):
+            raise ModelError(f"an initial value is a finite number, not {number}", table="initial", key=state.name)
+    if not model.initial.covariance:
+        return
+    states = list(model.vehicle.rates)
+    matrix = np.zeros((len(states), len(states)))
+    for (a, b), value in model.initial.covariance.items():
+        i, j = states.index(a), states.index(b)
+        matrix[i, j] = matrix[j, i] = evaluate(value, known)
+    _semidefinite(matrix, "the initial covariance", table="initial.covariance")
+
+
+def _semidefinite(matrix: np.ndarray, what: str, **where: str) -> None:
+    if not np.isfinite(matrix).all():
+        raise ModelError(f"{what} is not finite", **where)  # type: ignore[arg-type]
+    # scaled to unit diagonal, so that states of different sizes are judged alike
+    size = np.sqrt(np.abs(np.diag(matrix)))
+    size = np.where(size > 0, size, np.sqrt(np.abs(matrix).max(initial=0.0)) or 1.0)
+    smallest = float(np.linalg.eigvalsh(matrix / np.outer(size, size))[0])
+    if smallest < -1e-10:
+        raise ModelError(
+            f"{what} is not positive semidefinite: scaled to unit variances, its smallest eigenvalue is "
+            f"{smallest:.3g}. A variance is negative, or too small for its covariances",
+            **where,  # type: ignore[arg-type]
+        )
+
+
+# --------------------------------------------------------------------------- speed
+
+
+def _speed(model: Model, known: Mapping[Any, Any], duration: float) -> None:
+    """The speed is finite and never negative, and as smooth as the derivatives of the ground that are asked for."""
+    travel = model.travel
+    assert travel is not None
+    key = "speed" if travel.speed is not None else "distance"
+    where = {"table": "travel", "key": key}
+    kinks = [k for k in _values(travel.breakpoints, known) if 0 < k < duration]
+    if travel.distance is not None and (t := jump(travel.distance, TIME, kinks, known)) is not None:
+        raise ModelError(f"the distance jumps at t = {t:g}: a vehicle moves continuously", **where)
+    speed = travel.speed_expression()
+    if travel.table is not None:
+        times = np.array([float(k) for k in travel.table.knots])
+        found = np.array([float(v) for v in travel.table.values])
+    else:
+        times = np.union1d(np.linspace(0, duration, _GRID), kinks)
+        found = np.broadcast_to(evaluate(speed, {**known, TIME: times}), times.shape)
+    if not np.isfinite(found).all():
+        t = times[~np.isfinite(found)][0]
+        raise ModelError(f"the speed is not a finite number at t = {t:g}", **where)
+    worst = int(np.argmin(found))
+    if found[worst] < -1e-9 * np.abs(found).max(initial=0.0):
+        raise ModelError(
+            f"the speed is negative within the run: {found[worst]:.6g} at t = {times[worst]:.6g}. A vehicle may stand "
+            "but not reverse: shorten the run, or limit the speed, as in max(..., 0)",
+            **where,
+        )
+    rate = speed
+    for order in range(2, _asked(model) + 1):
+        if (t := jump(rate, TIME, kinks, known)) is not None:
+            what = "speed" if order == 2 else "acceleration" if order == 3 else "speed's derivative"
+            raise ModelError(
+                f"the {what} jumps at t = {t:g}, and `der(..., {order})` of a contact would be infinite there: "
+                "let it change over a short time, or use a lower derivative",
+                **where,
+            )
+        rate = sp.diff(rate, TIME)
+
+
+def _values(expressions: Iterable[sp.Expr], known: Mapping[sp.Symbol, float]) -> list[float]:
+    found = (evaluate(e, known) for e in expressions)
+    return sorted({v for v in found if math.isfinite(v)})
+
+
+def _asked(model: Model) -> int:
+    """Highest derivative of a contact in a rate, an output or an initial value."""
+    contacts = set(model.vehicle.contacts)
+    tables = (model.vehicle.rates, model.vehicle.outputs, model.initial.values)
+    calls = {call for table in tables for expr in table.values() for call in expr.atoms(der)}
+    return max((call.order for call in calls if call.of in contacts), default=0)
+
+
+# --------------------------------------------------------------------------- ground
+
+
+def _ground(model: Model, ground: Ground, known: dict[sp.Symbol, float]) -> None:
+    travel = model.travel
+    assert travel is not None
+    first = evaluate(travel.start if travel.distance is None else travel.distance, {**known, TIME: 0.0})
+    places = sorted({first - evaluate(c.setback, known) for c in model.vehicle.contacts.values()})
+    road = ground.shaping_filter()
+    _positive_numbers(ground, {**known, DISTANCE: first})
+    kinks = _values(ground.breakpoints, known)
+    spots = sorted({*places, *(k + d for k in kinks for d in (-1e-6, 1e-6))})
+    for s in spots[:1000]:
+        at = {**known, DISTANCE: s}
+        _semidefinite(_numbers(road.Q, at), f"the intensity of the ground's noise at s = {s:g}", table="ground")
+        for matrix in (road.C, road.D, road.F, road.offset, sp.Matrix([road.profile])):
+            if not np.isfinite(_numbers(matrix, at)).all():
+                raise ModelError(f"a coefficient of the ground is not a finite number at s = {s:g}", table="ground")
+    if model.initial.ground == "stationary":
+        for s in places:
+            _has_stationary_start(road, {**known, DISTANCE: s}, s)
+    _smooth_enough(road, kinks, known, _asked(model))
+
+
+def _positive_numbers(ground: Ground, known: Mapping[sp.Symbol, float]) -> None:
+    positive = {key: ground.settings.get(key) for key in ("cutoff", "n0", "omega0")}
+    positive["rolling_contact"] = ground.rolling
+    positive["contact_patch"] = ground.patch[0] if ground.patch else None
+    for key, expr in positive.items():
+        if expr is not None and not evaluate(expr, known) > 0:
+            raise ModelError(
+                f"a positive number is wanted, not {evaluate(expr, known):g}", table="ground", key=key, token=""
+            )
+
+
+def _has_stationary_start(road: ShapingFilter, known: Mapping[sp.Symbol, float], s: float) -> None:
+    """Refuse a stationary start on a road that has none."""
+    C, D, Q = (_numbers(matrix, known) for matrix in (road.C, road.D, road.Q))
+    if not (D @ Q @ D.T).any():
+        return
+    growth = float(np.linalg.eigvals(C).real.max())
+    if growth > -1e-12 * np.abs(C).max(initial=1e-300):
+        kind = "is integrated white noise" if abs(growth) < 1e-9 else "grows"
+        raise ModelError(
+            f'this road has no stationary height (it {kind} at s = {s:g}): start with ground = "smooth" in [initial], '
+            "or give the road a `cutoff`",
+            table="initial",
+            key="ground",
+        )
+
+
+def _smooth_enough(road: ShapingFilter, kinks: list[float], known: Mapping[sp.Symbol, float], order: int) -> None:
+    """Each derivative of the height before the highest that is asked for is continuous along the road."""
+    row, affine = sp.Matrix(road.F), road.profile
+    for k in range(order):
+        for expr in (*row, affine):
+            if DISTANCE not in expr.free_symbols:
+                continue
+            if (s := jump(expr, DISTANCE, kinks, known)) is not None:
+                what = "height" if k == 0 else "slope" if k == 1 else f"derivative of order {k}"
+                raise ModelError(
+                    f"the {what} of the ground jumps at s = {s:g}, and `der(..., {order})` of a contact would be "
+                    "infinite there: give the step a length, or add rolling_contact",
+                    table="ground",
+                    key="profile" if expr == affine else "",
+                )
+        row, affine = (
+            row.diff(DISTANCE) + row * road.C,
+            (row * road.offset)[0] + sp.diff(affine, DISTANCE),
+        )
