@@ -10,16 +10,16 @@ import numpy as np
 
 from cadet_sym.simulate.plan import Problem
 from cadet_sym.simulate.statistics import StepError, moments_of, step_error_of
-from cadet_sym.simulate.workers import records_of
+from cadet_sym.simulate.workers import records_in_parts, records_of
 
 __all__ = ["Chosen", "choose_step"]
 
-PAIRS = 256  # paths that are computed with a step and with half of it
-_APART = 1 << 40  # their numbers, beyond those of any run
-_VEHICLE, _GROUND = 0.05, 0.1  # first choice: step times the fastest rate of each
+_PAIRS = (256, 4096)  # least and most paths that are computed with a step and with half of it: else an eighth
+_VEHICLE, _GROUND = 0.05, 0.3  # first choice: step times the fastest rate of each
 _LEAST = 64  # steps of a run
-_PART = 0.25  # of the sampling error: what the step's error may be
+_PART = 0.5  # of the sampling error: what the step's error may be
 _TRIALS = 8
+_HOPELESS = 1.4  # halving the step must shrink its error by this much, else pairs of paths do not stay together
 _SHORTEST = 1e-7  # of the run
 _FLOOR = 1e-4  # of a quantity's own size: an error that is not looked into, however many paths there are
 _RUN_IN = 7.0  # time constants of the slowest mode
@@ -45,7 +45,7 @@ def choose_step(
     engine: str,
     check: bool,
 ) -> Chosen:
-    """Take the step given, or shorten the first choice until its error is below a quarter of the sampling error.
+    """Take the step given, or shorten the first choice until its error is below half of the sampling error.
 
     The error is measured on pairs of paths that share their noise; the run's own paths are others.
     """
@@ -55,25 +55,30 @@ def choose_step(
     step = step if step is not None else first_step(problem)
     if not check:
         return Chosen(step, None, before, True, {})
-    seconds: dict[str, float] = {}
+    pairs = min(max(paths // 8, _PAIRS[0]), _PAIRS[1])
+    seconds = {"compiling": _compile(problem, step, before, engine), "step": 0.0}
+    error, excess = None, math.inf
     for trial in range(1 if fixed else _TRIALS):
         began = perf_counter()
         plan, grid = problem.plan(step, before, paired=True)
-        if trial == 0:
-            records_of(plan, engine, seed, _APART, 1)
-            seconds["compiling"] = perf_counter() - began
-            began = perf_counter()
-        fine, coarse = records_of(plan, engine, seed, _APART, PAIRS)
-        error = step_error_of(coarse, fine)
+        fine, coarse = records_in_parts(plan, engine, seed, pairs)
+        error, last = step_error_of(coarse, fine), excess
         excess = _excess(fine, error, paths, len(problem.system.states), problem.system.vehicle_size)
-        seconds["step"] = seconds.get("step", 0.0) + perf_counter() - began
+        seconds["step"] += perf_counter() - began
         step = float(grid.step.max())
-        if excess <= 1.0 or step < _SHORTEST * problem.times[-1]:
+        hopeless = math.isfinite(last) and excess > last / _HOPELESS
+        if excess <= 1.0 or hopeless or fixed or trial == _TRIALS - 1 or step < _SHORTEST * problem.times[-1]:
             break
-        if trial < _TRIALS - 1 and not fixed:
-            # Second order would ask for the square root; at least half, at most a sixteenth.
-            step /= min(16.0, max(2.0, math.sqrt(excess))) if math.isfinite(excess) else 8.0
+        # The error falls with the first or second power of the step.
+        step /= min(8.0, max(2.0, excess**0.75))
     return Chosen(step, error, before, excess <= 1.0, seconds)
+
+
+def _compile(problem: Problem, step: float, before: float, engine: str) -> float:
+    """Have one path worked out, so that compiling is not counted as anything else; seconds."""
+    began = perf_counter()
+    records_of(problem.plan(step, before, paired=True)[0], engine, seed=0, first=0, count=1)
+    return perf_counter() - began
 
 
 def first_step(problem: Problem) -> float:
@@ -86,9 +91,9 @@ def first_step(problem: Problem) -> float:
 
 
 def _excess(records: np.ndarray, error: StepError, paths: int, n: int, vehicle: int) -> float:
-    """Step error over what is allowed: the worst quantity, root mean square over time; 1 is just right.
+    """Step error with its own doubt over what is allowed, for the worst quantity and time; 1 is just right.
 
-    Filter states are exact and not looked at. An error that its own standard error explains counts as none.
+    Filter states are exact and not looked at.
     """
     if error.paths < 0.5 * records.shape[2]:
         return math.inf
@@ -96,15 +101,13 @@ def _excess(records: np.ndarray, error: StepError, paths: int, n: int, vehicle: 
     variance = moments.variance
     size = np.sqrt(np.nanmean(moments.mean**2 + variance, axis=0))
     spread = moments.variance_standard_error * math.sqrt(records.shape[2] / paths)
-    worst = 0.0
     judged = np.r_[0:vehicle, n : records.shape[1]]
-    for found, own, sampling, floor in (
+    worst = 0.0
+    for found, doubt, sampling, floor in (
         (error.mean, error.mean_standard_error, np.sqrt(variance / paths), size),
         (error.variance, error.variance_standard_error, spread, size**2),
     ):
-        allowed = np.sqrt((_PART * sampling) ** 2 + (_FLOOR * floor) ** 2)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratio, doubt = (np.where(allowed > 0.0, part / allowed, 0.0)[:, judged] for part in (found, own))
-        ratio, doubt = (np.sqrt(np.nanmean(part**2, axis=0)) for part in (ratio, doubt))
-        worst = max(worst, float(np.where(ratio > 3.0 * doubt, ratio, 0.0).max(initial=0.0)))
+        allowed = np.hypot(_PART * sampling, _FLOOR * floor)[:, judged]
+        there = allowed > 0.0
+        worst = max(worst, float((np.hypot(found, doubt)[:, judged][there] / allowed[there]).max(initial=0.0)))
     return worst

@@ -16,10 +16,11 @@ from cadet_sym.simulate.plan import Plan
 from cadet_sym.simulate.statistics import Moments, moments_of
 from cadet_sym.simulate.streams import Streams
 
-__all__ = ["GroupResult", "group_size", "records_of", "run_groups"]
+__all__ = ["GroupResult", "group_size", "records_in_parts", "records_of", "run_groups"]
 
-_GROUP_VALUES = 1 << 22  # recorded numbers that a group may hold in memory
+_GROUP_VALUES = 1 << 20  # recorded numbers that a group may hold in memory
 _LARGEST_GROUP = 1024
+_APART = 1 << 40  # number of the first path of those that measure the step's error
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,16 @@ def records_of(plan: Plan, engine: str, seed: int, first: int, count: int) -> tu
     from cadet_sym.simulate import fast
 
     return fast.run_paths(plan.numba_source, *tables, streams)
+
+
+def records_in_parts(plan: Plan, engine: str, seed: int, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Records of so many paths that no run has, worked out by threads."""
+    parts = -(-count // _LARGEST_GROUP) if count > _LARGEST_GROUP else min(os.cpu_count() or 1, 4)
+    bounds = [_APART + count * k // parts for k in range(parts + 1)]
+    with ThreadPoolExecutor() as pool:
+        jobs = [pool.submit(records_of, plan, engine, seed, a, b - a) for a, b in zip(bounds, bounds[1:], strict=False)]
+        found = [job.result() for job in jobs]
+    return tuple(np.concatenate([each[k] for each in found], axis=-1) for k in (0, 1))  # type: ignore[return-value]
 
 
 def _group(plan: Plan, engine: str, seed: int, first: int, count: int, states: int, keep: int) -> GroupResult:
