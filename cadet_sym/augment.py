@@ -22,7 +22,7 @@ from typing import Literal
 import sympy as sp
 
 from cadet_sym.errors import ModelError
-from cadet_sym.language.expression import DISTANCE, SPEED, SPEED_RATE, TIME, ElementCall, der, symbol
+from cadet_sym.language.expression import DISTANCE, SPEED, SPEED_RATE, TIME, ElementCall, Lookup, der, symbol
 from cadet_sym.language.ground import ShapingFilter
 from cadet_sym.language.model import Model
 
@@ -140,7 +140,7 @@ def augment(model: Model) -> AugmentedSystem:
         initial_map=initial_map,
         initial_covariance=covariance,
         speed=speed,
-        speed_rate=sp.diff(speed, TIME),
+        speed_rate=_derivative(speed, TIME),
         distance=distance,
         start=start,
     )
@@ -242,7 +242,7 @@ class _Heights:
                 raise ModelError(_too_rough(contact.name, order, order - k, where))
             row, affine = (
                 row.diff(DISTANCE) + row * filter_.C,
-                (row * filter_.offset)[0] + sp.diff(affine, DISTANCE),
+                (row * filter_.offset)[0] + _derivative(affine, DISTANCE),
             )
             derivatives.append((row * xi)[0] + affine + (noise * w)[0])
         return [_at_wheel(u, copy) for u in derivatives]
@@ -258,10 +258,17 @@ class _Heights:
 
     def _time_derivative(self, factor: sp.Expr) -> sp.Expr:
         speed = _travel(self.model)[0]
-        jerk = sp.diff(speed, TIME, 2) if factor.has(SPEED_RATE) else sp.S.Zero
+        jerk = _derivative(_derivative(speed, TIME), TIME) if factor.has(SPEED_RATE) else sp.S.Zero
         return (
             sp.diff(factor, SPEED) * SPEED_RATE + sp.diff(factor, SPEED_RATE) * jerk + sp.diff(factor, TIME)
         )
+
+
+def _derivative(expression: sp.Expr, variable: sp.Symbol) -> sp.Expr:
+    """Derivative of an expression that has kinks; the model has refused jumps where they would matter."""
+    tables = {table: table.as_piecewise() for table in expression.atoms(Lookup)}
+    slope = sp.diff(expression.xreplace(tables), variable)
+    return slope.replace(sp.DiracDelta, lambda *_: sp.S.Zero)
 
 
 def _too_rough(contact: str, order: int, stages: int, where: str) -> str:
@@ -389,6 +396,6 @@ def _travel(model: Model) -> tuple[sp.Expr, sp.Expr | None, sp.Expr]:
     if travel is None:
         return sp.S.Zero, sp.S.Zero, sp.S.Zero
     if travel.distance is not None:
-        return sp.diff(travel.distance, TIME), travel.distance, travel.distance.xreplace({TIME: sp.S.Zero})
+        return _derivative(travel.distance, TIME), travel.distance, travel.distance.xreplace({TIME: sp.S.Zero})
     speed = sp.sympify(travel.speed)
     return speed, travel.closed_distance(), sp.sympify(travel.start)

@@ -153,3 +153,19 @@ def test_a_wheel_behind_meets_the_ground_where_it_stands():
     states = system.states
     assert sp.expand(back.xreplace({states[2]: states[1]}) - front.xreplace({s: s - 2})) == 0
     assert system.intensity[1, 1] == system.intensity[0, 0].xreplace({s: s - 2})
+
+
+STEP = ROLLING + '\nprofile = "0.1 if s > 2 else 0"'
+
+
+def test_an_impulse_from_a_profile_that_jumps_is_refused():
+    cs.augment(vehicle(rates='x = "v"\nv = "-k*x - c*v - der(h)"', ground=STEP))
+    with pytest.raises(cs.ModelError, match=r"jumps at s = 2"):
+        cs.augment(vehicle(ground=STEP))
+
+
+def test_an_impulse_from_a_speed_that_jumps_is_refused():
+    jump = 'speed = "1 if t < 3 else 2"'
+    cs.augment(vehicle(rates='x = "v"\nv = "-k*x - c*v - der(h)"', travel=jump))
+    with pytest.raises(cs.ModelError, match=r"jumps at t = 3"):
+        cs.augment(vehicle(travel=jump))
