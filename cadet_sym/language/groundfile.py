@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import sympy as sp
@@ -11,6 +11,7 @@ import sympy as sp
 from cadet_sym.errors import ModelError
 from cadet_sym.language import ground as grounds
 from cadet_sym.language.element import declared_name
+from cadet_sym.language.entries import CURVE_KEYS, Entries, noise_names, read_noise
 from cadet_sym.language.ground import Ground
 from cadet_sym.language.names import did_you_mean
 from cadet_sym.language.places import Places
@@ -18,8 +19,6 @@ from cadet_sym.language.scope import Scope
 from cadet_sym.language.vocabulary import DISTANCE, symbol
 
 if TYPE_CHECKING:
-    from cadet_sym.language.modelfile import Entries
-
 _COMMON = ("kind", "rolling_contact", "contact_patch", "profile")
 _TABLE = ("table", "columns", "units", "order")
 
@@ -49,8 +48,6 @@ def read_ground(entries: Entries, places: Places, curve: Callable[..., sp.Expr])
 
 
 def _profile(entries: Entries, places: Places, curve: Callable[..., sp.Expr]) -> sp.Expr:
-    from cadet_sym.language.modelfile import CURVE_KEYS, Entries
-
     written = entries.content["profile"]
     if isinstance(written, Mapping):
         inner = Entries("ground.profile", written).only(CURVE_KEYS)
@@ -59,8 +56,6 @@ def _profile(entries: Entries, places: Places, curve: Callable[..., sp.Expr]) ->
 
 
 def _patch(entries: Entries, scope: Scope) -> tuple[sp.Expr, int]:
-    from cadet_sym.language.modelfile import Entries
-
     written = entries.content["contact_patch"]
     if not isinstance(written, Mapping):
         return entries.expression("contact_patch", scope), 2
@@ -83,8 +78,6 @@ def _numbers(make: Callable[..., Ground], *keys: str, optional: tuple[str, ...] 
 
 
 def _shaping_filter(entries: Entries, places: Places, curve: Any) -> Ground:
-    from cadet_sym.language.modelfile import Entries, noise_names, read_noise
-
     rates = Entries("ground.rates", entries.get("rates", dict))
     states = [declared_name(name, "state", table="ground.rates", key=name) for name in rates.content]
     noise = Entries("ground.noise", entries.get("noise", dict, {}))

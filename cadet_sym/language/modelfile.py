@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +14,11 @@ import sympy as sp
 from cadet_sym.errors import ModelError
 from cadet_sym.language.check import linear_noise, no_recursion
 from cadet_sym.language.element import Element, declared_name
+from cadet_sym.language.entries import CURVE_KEYS, Entries, expression, noise_names, one_of, read_noise
 from cadet_sym.language.groundfile import read_ground
 from cadet_sym.language.measured import INTERPOLATION, OUTSIDE, csv_rows, inline_rows, make_curve, read_text
-from cadet_sym.language.model import Initial, Model, Noise, Parameter, Run
-from cadet_sym.language.names import did_you_mean, exact
-from cadet_sym.language.parser import parse
+from cadet_sym.language.model import Initial, Model, Parameter, Run
 from cadet_sym.language.places import Places
-from cadet_sym.language.scope import Scope
 from cadet_sym.language.travel import Travel
 from cadet_sym.language.vehicle import Contact, Vehicle
 from cadet_sym.language.vocabulary import TIME, ElementCall, symbol
@@ -29,7 +27,6 @@ TOP = (
     "schema", "name", "text", "parameters", "elements", "rates", "contacts",
     "noise", "ground", "travel", "initial", "outputs", "run",
 )  # fmt: skip
-_NEW = object()
 
 
 def load(path: str | os.PathLike[str]) -> Model:
@@ -100,80 +97,6 @@ def _written(document: Mapping[str, Any], table: str, key: str) -> Any:
             return None
         found = found[part]
     return found.get("value") if isinstance(found, Mapping) else found
-
-
-class Entries:
-    """One table of the file: knows its name, refuses keys that it does not know."""
-
-    def __init__(self, name: str, content: Any):
-        if not isinstance(content, Mapping):
-            table, _, key = name.rpartition(".")
-            raise ModelError(f"a table is wanted, not {kind_of(content)}", table=table, key=key)
-        self.name, self.content = name, content
-
-    def only(self, known: Iterable[str]) -> Entries:
-        """Refuse unknown keys."""
-        known = list(known)
-        for key in self.content:
-            if key not in known:
-                near = did_you_mean(key, known) or f"; known here: {', '.join(known)}"
-                raise ModelError(f"unknown key `{key}`{near}", table=self.name, key=key)
-        return self
-
-    def get(self, key: str, kind: type | tuple[type, ...], default: Any = _NEW) -> Any:
-        """A value of the type wanted."""
-        if key not in self.content:
-            if default is _NEW:
-                raise ModelError(f"`{key}` is missing", table=self.name)
-            return default
-        value = self.content[key]
-        kinds = kind if isinstance(kind, tuple) else (kind,)
-        if not isinstance(value, kinds) or (isinstance(value, bool) and bool not in kinds):
-            wanted = " or ".join(_KINDS[k] for k in kinds)
-            raise ModelError(f"{wanted} is wanted, not {kind_of(value)}", table=self.name, key=key)
-        return value
-
-    def names(self, key: str) -> list[str]:
-        """A list of texts."""
-        value = self.get(key, (list, str))
-        value = [value] if isinstance(value, str) else value
-        for item in value:
-            if not isinstance(item, str):
-                raise ModelError(
-                    f"a list of names is wanted, and {item!r} is {kind_of(item)}", table=self.name, key=key
-                )
-        return value
-
-    def expression(self, key: str, scope: Scope, value: Any = _NEW) -> sp.Expr:
-        """A number, or the expression that a text is."""
-        return expression(self.content[key] if value is _NEW else value, scope, table=self.name, key=key)
-
-
-def expression(value: Any, scope: Scope, **where: str) -> sp.Expr:
-    """A number, or the expression that a text is, in the scope of its place."""
-    try:
-        if isinstance(value, str):
-            return parse(value, scope)
-        if isinstance(value, int | float) and not isinstance(value, bool):
-            return exact(value)
-        raise ModelError(f"a number or an expression in quotes is wanted, not {kind_of(value)}")
-    except ModelError as error:
-        raise error.placed(**where) from None
-
-
-_KINDS = {
-    str: "a text",
-    int: "a whole number",
-    float: "a number",
-    list: "a list",
-    dict: "a table",
-    bool: "true or false",
-}
-
-
-def kind_of(value: Any) -> str:
-    """What a TOML value is, with its article."""
-    return _KINDS.get(type(value), "a date" if hasattr(value, "isoformat") else type(value).__name__)
 
 
 class _Document:
@@ -300,8 +223,8 @@ class _Document:
     ) -> sp.Expr:
         """A measured curve: `table` with its `outside`, `interpolation`, `columns`, `units`."""
         where = {"table": entries.name, "key": "table"}
-        outside = _one_of(entries, "outside", OUTSIDE, outside)
-        interpolation = _one_of(entries, "interpolation", INTERPOLATION, interpolation)
+        outside = one_of(entries, "outside", OUTSIDE, outside)
+        interpolation = one_of(entries, "interpolation", INTERPOLATION, interpolation)
         table = entries.get("table", (str, list))
         columns, units = (entries.names(key) if key in entries.content else [] for key in ("columns", "units"))
         for key, given in (("columns", columns), ("units", units)):
@@ -365,37 +288,3 @@ class _Document:
         if "duration" in entries.content:
             duration = entries.expression("duration", self.places.number("the duration"))
         return Run(duration, entries.get("points", int, own.points), entries.get("rtol", (float, int), own.rtol))
-
-
-CURVE_KEYS = ("table", "outside", "interpolation", "columns", "units")
-
-
-def _one_of(entries: Entries, key: str, words: tuple[str, ...], default: str) -> str:
-    word = entries.get(key, str, default)
-    if word not in words:
-        raise ModelError(
-            f"`{key}` is {' or '.join(f'{w!r}' for w in words)}, not {word!r}", table=entries.name, key=key
-        )
-    return word
-
-
-def noise_names(entries: Entries) -> list[str]:
-    """Names of the noises, in either form of declaration."""
-    if {"names", "intensity"} & set(entries.content):
-        return entries.only(["names", "intensity"]).names("names")
-    return list(entries.content)
-
-
-def read_noise(entries: Entries, scope: Scope) -> Noise:
-    """White noise: `w = "Q"` each, or `names` and `intensity` as a matrix."""
-    names = noise_names(entries)
-    try:
-        if "intensity" not in entries.content and "names" not in entries.content:
-            return Noise.independent({name: entries.expression(name, scope) for name in names})
-        rows = entries.get("intensity", list)
-        rows = [row if isinstance(row, list) else [row] for row in rows]
-        matrix = [[entries.expression("intensity", scope, value) for value in row] for row in rows]
-        return Noise(tuple(names), matrix)
-    except ModelError as error:
-        error.table = entries.name
-        raise
