@@ -23,6 +23,7 @@ from cadet_sym.lowering.system import LoweredSystem, lower
 from cadet_sym.moments import MomentEquations, moment_equations
 from cadet_sym.results import MomentHistory, Provenance
 from cadet_sym.solve.breakpoints import find_breakpoints
+from cadet_sym.solve.start import profile_mean
 from cadet_sym.solve.transient import Trajectory, integrate
 
 __all__ = ["CompiledModel", "compile"]
@@ -112,6 +113,7 @@ class CompiledModel:
         if system.copies and self.model.initial.ground == "stationary":
             self._refuse_drifting_ground(p)
         y = np.asarray(self._initial(p)).ravel()
+        y[: self.equations.packing.n] += profile_mean(self.functions, p)
         _, covariance = self.equations.packing.unpack(y)
         lowest = float(np.linalg.eigvalsh(covariance)[0]) if len(covariance) else 0.0
         if not lowest >= -1e-9 * max(float(np.trace(covariance)), 1e-300):

@@ -112,3 +112,15 @@ def test_edges_are_found_along_a_speed_that_has_no_closed_distance():
         return 6 * (1.5 * t - np.sin(2 * t) / 4)
 
     assert [travelled(t) for t in times] == pytest.approx([3.0, 10.0, 13.0], abs=1e-9)
+
+
+def test_a_vehicle_that_starts_on_a_plateau_stands_on_it():
+    plateau = GROUND.replace("[travel]", "[travel]\nstart = 5.0") + '\n[initial]\nx = "h"\n'
+    model = toml(plateau.format(profile="0.1 if s < 10 else 0", speed="V*t", duration=1, height="h"))
+    compiled = cs.compile(model)
+    mean, covariance = compiled.equations.packing.unpack(compiled.initial())
+    risen = [0.1 * (1 - np.exp(-5 * s)) for s in (5.0, 2.0)]
+    heights = [compiled.states.index(f"{wheel}.height") for wheel in ("h", "g")]
+    np.testing.assert_allclose(mean[heights], risen, rtol=1e-9)
+    assert mean[0] == pytest.approx(risen[0])
+    assert covariance[0, 0] == pytest.approx(covariance[heights[0], heights[0]])
