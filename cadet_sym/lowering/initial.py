@@ -19,23 +19,24 @@ from cadet_sym.language.expression import DISTANCE, SPEED, SPEED_RATE, TIME
 from cadet_sym.lowering.expressions import to_casadi
 from cadet_sym.lowering.system import LoweredSystem
 
-__all__ = ["filter_matrices", "initial_moments", "vehicle_start"]
+__all__ = ["filter_matrices", "initial_moments"]
 
 _Environment = Mapping[sp.Symbol, ca.SX]
 
 
-def initial_moments(lowered: LoweredSystem) -> ca.Function:
+def initial_moments(lowered: LoweredSystem, linear_solver: str = "qr") -> ca.Function:
     """P -> y(0), packed; the caller has made sure that the filter has a stationary covariance.
 
-    Differentiable in p: the Lyapunov equation and the matrix exponential are written as linear solves.
+    Differentiable in p: the Lyapunov equation and the matrix exponential are written as linear solves. With
+    "symbolicqr" for `linear_solver` the function can be expanded into scalar operations.
     """
     equations = lowered.equations
     system, packing = equations.quasi_linear.system, equations.packing
     p = ca.MX.sym("p", len(lowered.parameters))
     nv, nf = system.vehicle_size, packing.n - system.vehicle_size
-    offset, linear, delta = vehicle_start(lowered)(p)
+    offset, linear, delta = _vehicle_start(lowered)(p)
     mean = ca.vertcat(offset, ca.MX.zeros(nf, 1))
-    ground = _GroundStart(lowered, p, mean)
+    ground = _GroundStart(lowered, p, mean, linear_solver)
     P_ground = ground.covariance(nf)
     cross = ca.mtimes(linear, P_ground)
     P = ca.blockcat([[ca.mtimes(cross, linear.T) + delta, cross], [cross.T, P_ground]])
@@ -60,8 +61,8 @@ def filter_matrices(lowered: LoweredSystem, copy: FilterCopy) -> ca.Function:
 class _GroundStart:
     """Covariances of the filter copies at the start."""
 
-    def __init__(self, lowered: LoweredSystem, p: ca.MX, mean: ca.MX) -> None:
-        self.lowered, self.p, self.mean = lowered, p, mean
+    def __init__(self, lowered: LoweredSystem, p: ca.MX, mean: ca.MX, linear_solver: str) -> None:
+        self.lowered, self.p, self.mean, self.linear_solver = lowered, p, mean, linear_solver
         self.system: AugmentedSystem = lowered.equations.quasi_linear.system
         self.smooth = self.system.model.initial.ground == "smooth"
         self.setback = lowered.noise(ca.MX.zeros(4), p)[2]
@@ -75,7 +76,7 @@ class _GroundStart:
         """Stationary covariance of a copy."""
         if copy.start not in self.known:
             C, forcing, _ = self.filter(copy)
-            self.known[copy.start] = _lyapunov(C, forcing)
+            self.known[copy.start] = _lyapunov(C, forcing, self.linear_solver)
         return self.known[copy.start]
 
     def covariance(self, nf: int) -> ca.MX:
@@ -99,7 +100,7 @@ class _GroundStart:
         behind = float(self.system_value(b.setback) - self.system_value(a.setback))
         if behind > 0:  # b is behind a: xi_a = exp(C d) xi_b + what the noise between them brought
             C = self.filter(b)[0]
-            return ca.mtimes(_expm(C * distance, self._squarings(b, behind)), self.stationary(b))
+            return ca.mtimes(_expm(C * distance, self._squarings(b, behind), self.linear_solver), self.stationary(b))
         return self._between(b, a).T
 
     def system_value(self, expression: sp.Expr) -> float:
@@ -123,7 +124,7 @@ class _GroundStart:
             return self._behind_smooth(track)
         copies = [next(c for c in self.system.copies if c.columns == columns) for columns in track.columns]
         q = len(track.columns[0])
-        linear = vehicle_start(self.lowered)(self.p)[1]
+        linear = _vehicle_start(self.lowered)(self.p)[1]
         tails = [ca.MX.zeros(len(c.filter.states), q) for c in copies]
         nodes = []
         for k, gap in enumerate(track.gaps):
@@ -131,7 +132,7 @@ class _GroundStart:
             length = self.setback[copies[k + 1].columns[0]] - self.setback[copies[k].columns[0]]
             for _ in range(gap.elements):
                 columns = [
-                    _collocated(self.filter(c)[0] * (length / gap.elements), tail, gap)
+                    _collocated(self.filter(c)[0] * (length / gap.elements), tail, gap, self.linear_solver)
                     for c, tail in zip(copies, tails, strict=True)
                 ]
                 tails = [c[-1] for c in columns]
@@ -156,7 +157,8 @@ class _GroundStart:
             tail += b[:, list(track.columns[k])]
             length = self.setback[track.columns[k + 1][0]] - self.setback[track.columns[k][0]]
             for _ in range(gap.elements):
-                values = _collocated(N * (length / gap.elements / V), tail, gap) if moving else [tail] * gap.nodes
+                operator = N * (length / gap.elements / V)
+                values = _collocated(operator, tail, gap, self.linear_solver) if moving else [tail] * gap.nodes
                 nodes += [ca.vec(value) for value in values]
                 tail = values[-1]
         return nodes
@@ -176,7 +178,7 @@ def _start_environment(lowered: LoweredSystem) -> tuple[ca.SX, dict[sp.Symbol, c
     return p, env
 
 
-def vehicle_start(lowered: LoweredSystem) -> ca.Function:
+def _vehicle_start(lowered: LoweredSystem) -> ca.Function:
     """P -> offset (nv), map (nv, nf), covariance (nv, nv) of the vehicle's initial state."""
     p, env = _start_environment(lowered)
     system = lowered.equations.quasi_linear.system
@@ -187,12 +189,12 @@ def vehicle_start(lowered: LoweredSystem) -> ca.Function:
     return ca.Function("vehicle", [p], parts, ["p"], ["offset", "map", "delta"])
 
 
-def _collocated(operator: ca.MX, inflow: ca.MX, gap: Gap) -> list[ca.MX]:
+def _collocated(operator: ca.MX, inflow: ca.MX, gap: Gap, linear_solver: str) -> list[ca.MX]:
     """Values at the nodes of one element of G_theta = operator G / h, from the inflow."""
     _, D = radau(gap.nodes)
     r = operator.size1()
     matrix = ca.kron(ca.DM(D[:, 1:]), ca.MX.eye(r)) - ca.kron(ca.MX.eye(gap.nodes), ca.densify(operator))
-    values = ca.solve(ca.densify(matrix), ca.densify(-ca.kron(ca.DM(D[:, :1]), inflow)), "qr")
+    values = ca.solve(ca.densify(matrix), ca.densify(-ca.kron(ca.DM(D[:, :1]), inflow)), linear_solver)
     return [values[j * r : (j + 1) * r, :] for j in range(gap.nodes)]
 
 
@@ -203,16 +205,16 @@ def _dense(matrix: sp.ImmutableMatrix, env: _Environment) -> ca.SX:
     return result
 
 
-def _lyapunov(C: ca.MX, forcing: ca.MX) -> ca.MX:
+def _lyapunov(C: ca.MX, forcing: ca.MX, linear_solver: str) -> ca.MX:
     """P of C P + P C^T + forcing = 0, as one linear system over the r^2 entries."""
     r = C.size1()
     identity = ca.MX.eye(r)
     operator = ca.densify(ca.kron(identity, C) + ca.kron(C, identity))
-    P = ca.reshape(ca.solve(operator, -ca.densify(ca.vec(forcing)), "qr"), r, r)
+    P = ca.reshape(ca.solve(operator, -ca.densify(ca.vec(forcing)), linear_solver), r, r)
     return (P + P.T) / 2
 
 
-def _expm(matrix: ca.MX, squarings: int) -> ca.MX:
+def _expm(matrix: ca.MX, squarings: int, linear_solver: str) -> ca.MX:
     """exp(matrix) by the [7/7] Pade approximant with scaling and squaring (Higham 2005)."""
     coefficients = (17297280, 8648640, 1995840, 277200, 25200, 1512, 56, 1)
     A = ca.densify(matrix) / 2.0**squarings
@@ -223,7 +225,7 @@ def _expm(matrix: ca.MX, squarings: int) -> ca.MX:
         else:
             odd += coefficient * power
         power = ca.mtimes(power, A)
-    result = ca.solve(ca.densify(even - odd), ca.densify(even + odd), "qr")
+    result = ca.solve(ca.densify(even - odd), ca.densify(even + odd), linear_solver)
     for _ in range(squarings):
         result = ca.mtimes(result, result)
     return result

@@ -50,6 +50,15 @@ class LoweredSystem:
         )
 
     @cached_property
+    def held_rate(self) -> ca.Function:
+        """(t, s, V, y, p) -> dy/dt at a constant speed, wheels all on the ground."""
+        t, s, V = ca.SX.sym("t"), ca.SX.sym("s"), ca.SX.sym("V")
+        y, p = ca.SX.sym("y", self.equations.packing.size), self._p()
+        gates = {gate: ca.SX(1) for gate in self.equations.gates}
+        env = self.environment(ca.vertcat(t, s, V, 0), p) | gates
+        return ca.Function("held_rate", [t, s, V, y, p], [self._rate(y, env)], ["t", "s", "V", "y", "p"], ["dy"])
+
+    @cached_property
     def outputs(self) -> ca.Function:
         """(t, y, p) -> means and variances of the outputs."""
         t, y, p = ca.SX.sym("t"), ca.SX.sym("y", self.equations.packing.size), self._p()
