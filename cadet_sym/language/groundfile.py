@@ -18,7 +18,6 @@ from cadet_sym.language.places import Places
 from cadet_sym.language.scope import Scope
 from cadet_sym.language.vocabulary import DISTANCE, symbol
 
-if TYPE_CHECKING:
 _COMMON = ("kind", "rolling_contact", "contact_patch", "profile")
 _TABLE = ("table", "columns", "units", "order")
 
