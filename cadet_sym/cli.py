@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -39,7 +40,7 @@ Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and no
 Save = Annotated[Path | None, typer.Option(metavar="FILE", help="Write the moments: .nc, .csv or .mat.")]
 Plot = Annotated[Path | None, typer.Option(metavar="FILE", help="Draw a figure: .png, .pdf or .svg.")]
 Duration = Annotated[float | None, typer.Option(metavar="T", help="Length of the run.")]
-Points = Annotated[int | None, typer.Option(metavar="N", help="Output times, both ends.")]
+Points = Annotated[int | None, typer.Option(metavar="N", min=2, help="Output times, both ends.")]
 RelativeTolerance = Annotated[float | None, typer.Option("--rtol", metavar="R", help="Relative tolerance.")]
 
 
@@ -78,6 +79,8 @@ def moments(
     grid = None if times is None else parse_times(times)
     if grid is not None and (duration is not None or points is not None):
         raise ModelError("--times gives all output times; leave out --duration and --points, or --times")
+    if duration is not None and not 0.0 < duration < math.inf:
+        raise ModelError(f"--duration {duration:g}: expected a length of time above zero")
     with _computing():
         compiled = cs.compile(_load(model, settings))
         history = compiled.propagate(grid, duration=duration, points=points, rtol=rtol)
@@ -131,10 +134,12 @@ def stationary(
     if as_json:
         _print_json(found.to_dict())
     else:
-        from cadet_sym.report import terminal
+        from cadet_sym.report.terminal import print_stationary, print_sweep
 
-        printer = terminal.print_sweep if sweep else terminal.print_stationary
-        printer(found)
+        if isinstance(found, StationarySweep):
+            print_sweep(found)
+        else:
+            print_stationary(found)
         _print_written(save, plot)
 
 
@@ -223,7 +228,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if debug:
             raise
         kind = type(error).__name__
-        return _fail(f"unexpected {kind}: {error}; this is a fault of cadet-sym: run again with --debug", 1)
+        return _fail(f"unexpected {kind}: {error}; a fault of the program, not of the model; run again with --debug", 1)
 
 
 def _load(path: Path, settings: Iterable[str] | None) -> cs.Model:
@@ -245,7 +250,7 @@ def _solutions(
 
 
 def _sweep(
-    search: Callable[..., StationarySolutions], parameter: str, values: Sequence[float]
+    search: Callable[..., StationarySolutions], parameter: str, values: np.ndarray
 ) -> StationarySweep:
     """Search at every value; a value without a solution is reported and leaves an empty place."""
     rows, failures = [], {}
@@ -260,7 +265,7 @@ def _sweep(
     for value, reason in failures.items():
         warnings.warn(f"{parameter} = {value:g}: {reason}", stacklevel=2)
     model = next(row[0].model for row in rows if row)
-    return StationarySweep(model, parameter, np.asarray(values), tuple(rows), failures)
+    return StationarySweep(model, parameter, values, tuple(rows), failures)
 
 
 class _Stopwatch:
