@@ -123,9 +123,9 @@ class Comparison:
         judged = [verdict for verdict in verdicts if not math.isnan(verdict.discrepancy)]
         agreeing = [verdict for verdict in judged if verdict.agrees]
         if len(agreeing) == len(judged):
-            return f"All {len(judged)} states that vary agree with the simulation within its limits."
+            return f"Every state that varies agrees with the simulation within its limits."
         worst = max(judged, key=lambda verdict: abs(verdict.discrepancy) - verdict.limit)
-        return f"{len(agreeing)} of {len(judged)} states agree within the limits; {worst.of_variance}."
+        return f"Of {len(judged)} states that vary {len(agreeing)} agree within the limits; {worst.of_variance}."
 
     def table(self, names: Sequence[str] = (), rows: int = 6) -> Table:
         """CADET against simulation with 99 % limits, at ``rows`` times: a table for the terminal."""
