@@ -1,0 +1,1 @@
+"""Solvers for the compiled moment equations: transients, stationary moments, branches of them, sensitivities."""

@@ -1,0 +1,198 @@
+"""What of a system has stationary moments at all: take out what is conserved and what drifts, and scale the rest.
+
+A *conserved* form y^T x has y^T f = 0 and feels no noise: it stays what it was at the start. A *drifting* direction is
+one along which nothing pulls back and that no element sees: C v = 0, and A v = 0 (or the chain A^k v = 0, or an undamped
+oscillation). Its state wanders without bound, but what does not contain it may be stationary: the closures and the
+accelerations of a vehicle on a road that is integrated white noise, whose heave has no variance.
+
+With D the drifting subspace (A-invariant, unseen), x modulo D obeys a closed system of its own: that is what is solved.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cadet_sym.errors import SolverError
+from cadet_sym.solve.frozen import FrozenProblem
+from cadet_sym.solve.lyapunov import decompose
+
+__all__ = ["Frame", "drifting_directions", "frame", "short_run_covariance"]
+
+Array = np.ndarray
+
+RANK = 1e-11  # of the largest singular value: less counts as zero
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The part of a problem that can be stationary, in coordinates z of the order of one: x = offset + right z."""
+
+    problem: FrozenProblem  # in z
+    spread: Array  # covariance that the noise builds up in a short run, in z: a start, and the scale of z
+    left: Array  # (m, n): z = left (x - offset)
+    right: Array  # (n, m)
+    offset: Array  # (n,) what is conserved
+    drift: Array  # (n, q) orthonormal: directions without stationary moments
+    states: tuple[str, ...]  # names of x, for messages
+
+    def lift(self, mean: Array, covariance: Array) -> tuple[Array, Array]:
+        """Moments of x: (n,), (n, n). Linear forms l^T x with l^T drift = 0 get theirs from it; others have none."""
+        return self.offset + self.right @ mean, self.right @ covariance @ self.right.T
+
+    def lower(self, mean: Array, covariance: Array) -> tuple[Array, Array]:
+        """Moments of z from moments of x."""
+        return self.left @ (mean - self.offset), self.left @ covariance @ self.left.T
+
+    @property
+    def drifting(self) -> Array:
+        """(n,) bool: states that have a part in a drifting direction."""
+        return np.abs(self.drift).max(axis=1, initial=0.0) > 1e-9
+
+
+def frame(problem: FrozenProblem, start: Array | None = None) -> Frame:
+    """Take out of a problem what is conserved (at its value in `start`, (n,)) and what drifts, and scale the rest.
+
+    Raises
+    ------
+    SolverError
+        If nothing is left.
+    """
+    n = problem.n
+    unit = _balance(problem)
+    rest = problem.transformed(np.diag(1 / unit), np.diag(unit))
+    basis, drift, offset = np.eye(n), np.zeros((n, 0)), np.zeros(n)
+    if _may_drift(rest.A):
+        conserved = _conserved(rest)
+        if start is not None:
+            offset = conserved @ (conserved.T @ (start / unit))
+        keep = _complement(conserved, n)
+        rest = rest.transformed(keep.T, keep, offset)
+        drift = drifting_directions(rest)
+        stay = _complement(drift, rest.n)
+        if not stay.shape[1]:
+            raise SolverError(
+                "No state has stationary moments: each one drifts (nothing pulls it back) or keeps its initial value."
+            )
+        rest = rest.transformed(stay.T, stay)
+        basis, drift = keep @ stay, keep @ drift
+    spread = short_run_covariance(rest)
+    sigma = _powers(np.sqrt(np.maximum(np.diag(spread), 0.0)))
+    return Frame(
+        problem=rest.transformed(np.diag(1 / sigma), np.diag(sigma)),
+        spread=spread / np.outer(sigma, sigma),
+        left=basis.T / sigma[:, None] / unit,
+        right=unit[:, None] * basis * sigma,
+        offset=unit * offset,
+        drift=np.linalg.qr(unit[:, None] * drift)[0] if drift.size else drift,
+        states=problem.states,
+    )
+
+
+def drifting_directions(problem: FrozenProblem) -> Array:
+    """Orthonormal basis (n, q) of the directions that no element sees and along which nothing pulls back.
+
+    The largest A-invariant subspace in the kernel of C with all its eigenvalues on the imaginary axis. Zero eigenvalues
+    are found by ranks, which a chain of integrators does not upset as it does computed eigenvalues.
+    """
+    A, n = problem.A, problem.n
+    marginal = np.zeros((n, 0))
+    while marginal.shape[1] < n:  # ker A, ker A^2, ...: what A sends into what is already found
+        rest = _complement(marginal, n)
+        more = _kernel(rest.T @ A @ rest, np.linalg.norm(A, 2))
+        if not more.shape[1]:
+            break
+        marginal = np.hstack([marginal, rest @ more])
+    marginal = np.hstack([marginal, _oscillating(A, marginal)])
+    return marginal @ _unseen(marginal.T @ A @ marginal, problem.C @ marginal)
+
+
+def _may_drift(A: Array) -> bool:
+    """Whether an eigenvalue is so near the imaginary axis that a closer look is needed: four integrators in a row are."""
+    rates = np.linalg.eigvals(A)
+    return bool(np.abs(rates.real).min() <= 1e-3 * np.abs(rates).max())
+
+
+def _oscillating(A: Array, inside: Array) -> Array:
+    """Basis of the undamped oscillations of A beyond an invariant subspace, as columns orthogonal to it."""
+    from scipy.linalg import schur
+
+    rest = _complement(inside, len(A))
+    reduced = rest.T @ A @ rest
+    if not len(reduced):
+        return rest
+    limit = 1e-11 * np.abs(reduced).max()
+    _, basis, count = schur(reduced, sort=lambda re, im: abs(re) <= limit)
+    return rest @ basis[:, :count]
+
+
+def _unseen(A: Array, C: Array) -> Array:
+    """Orthonormal basis (n, q) of the largest subspace that A maps into itself and C to zero."""
+    basis = np.eye(len(A))
+    seen = C
+    size = max(np.linalg.norm(C, 2) if C.size else 0.0, 1e-300)
+    while basis.shape[1]:
+        smaller = basis @ _kernel(seen @ basis, size)
+        if smaller.shape[1] == basis.shape[1]:
+            return smaller
+        basis = smaller
+        # next: what A moves out of the subspace
+        seen = (np.eye(len(A)) - basis @ basis.T) @ A
+        size = max(np.linalg.norm(A, 2), 1e-300)
+    return basis
+
+
+def _conserved(problem: FrozenProblem) -> Array:
+    """Orthonormal basis (n, q) of the forms y^T x that neither rates, elements nor noise ever change."""
+    parts = [problem.A, problem.b, problem.D, problem.c[:, None]]
+    parts += [b for track in problem.tracks for b in track.inputs]
+    parts = [part / (np.linalg.norm(part, 2) or 1.0) for part in parts if part.size]
+    return _kernel(np.hstack(parts).T, 1.0)
+
+
+def _kernel(matrix: Array, size: float) -> Array:
+    """Orthonormal basis of the kernel; singular values under RANK times `size` count as zero. Sparse where it can be."""
+    n = matrix.shape[1]
+    zero = np.abs(matrix).max(axis=0, initial=0.0) <= RANK * size
+    if zero.all():
+        return np.eye(n)
+    busy = np.flatnonzero(~zero)
+    _, values, rows = np.linalg.svd(matrix[:, busy])
+    rank = int(np.sum(values > RANK * size))
+    basis = np.zeros((n, n - rank))
+    basis[np.flatnonzero(zero), np.arange(zero.sum())] = 1.0
+    basis[np.ix_(busy, range(int(zero.sum()), n - rank))] = rows[rank:].T
+    return basis
+
+
+def _complement(basis: Array, n: int) -> Array:
+    """Orthonormal basis (n, n - q) of what is orthogonal to the columns, the unit vectors themselves where they are."""
+    return _kernel(basis.T, 1.0) if basis.shape[1] else np.eye(n)
+
+
+def _balance(problem: FrozenProblem) -> Array:
+    """Powers of two that make rows and columns of the linear part and the elements alike in size, (n,)."""
+    from scipy.linalg import matrix_balance
+
+    coupling = np.abs(problem.A) + np.abs(problem.columns) @ np.abs(problem.C)
+    _, (scale, _) = matrix_balance(coupling, permute=False, separate=True)
+    return scale
+
+
+def short_run_covariance(problem: FrozenProblem) -> Array:
+    """P that the linear part builds up in a few of its shortest time constants, (n, n): positive semidefinite."""
+    form = decompose(problem.A)
+    rates = form.eigenvalues
+    fastest = np.abs(rates).max(initial=0.0)
+    shift = max(0.0, float(rates.real.max(initial=0.0))) + (0.1 * fastest or 1.0)
+    P = form.leave(form.divide(form.enter(problem.D), 2 * shift))
+    return 0.5 * (P + P.T)
+
+
+def _powers(sigma: Array) -> Array:
+    """The powers of two nearest to positive numbers; one for the rest."""
+    positive = sigma > 1e-12 * sigma.max(initial=0.0)
+    scale = np.ones(len(sigma))
+    scale[positive] = 2.0 ** np.round(np.log2(sigma[positive]))
+    return scale

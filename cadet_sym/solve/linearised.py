@@ -1,0 +1,157 @@
+"""The stationary moment equations linearised at a point, solved in O(n^3) whatever n (n + 3) / 2 is.
+
+With theta what the elements see (see `frozen`), k their gains, v_i = P C_i^T, b_i the column through which argument i
+acts, and L(X) = N X + X N^T, a change (dmu, dP) changes the residuals by
+
+    dr = N dmu + b F_S dS                            F_S = dF/dS: the derivative in the means is in N already
+    dR = L(dP) + sum_i dk_i (b_i v_i^T + v_i b_i^T + W_i),   dk = (dk/dtheta) dtheta,   dtheta = (C dmu, C dP C^T)
+
+so that dP = X_0 + sum_i dk_i X_i with L(X_0) = -R and L(X_i) = -(b_i v_i^T + v_i b_i^T + W_i), and a dense system in
+dtheta, as small as the elements are few, closes it. W_i is the derivative of the forcing of wheels in one track.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from cadet_sym.errors import SolverError
+from cadet_sym.solve.frozen import Evaluation
+from cadet_sym.solve.lyapunov import ModalForm, SchurForm, decompose, nearby_modal_form
+
+__all__ = ["LinearisedMoments", "delay_directions"]
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class LinearisedMoments:
+    """The Jacobian of the moment equations at one evaluation, as one decomposition and a few small matrices."""
+
+    at: Evaluation
+
+    @cached_property
+    def form(self) -> ModalForm | SchurForm:
+        """The decomposition of N."""
+        return decompose(self.at.N)
+
+    def step(self, shift: float = 0.0) -> tuple[Array, Array]:
+        """Newton's step (dmu, dP); a positive shift 1/h makes it one implicit step of length h (pseudo-transient)."""
+        return self.solve(self.at.r, self.at.R, shift)
+
+    def solve(self, r: Array, R: Array, shift: float = 0.0) -> tuple[Array, Array]:
+        """(dmu, dP) with (J - shift) (dmu, dP) = -(r, R): r (n,), R (n, n) symmetric."""
+        form, p = self.form, self.at.problem
+        R_in = form.enter(R)
+        X = form.divide(R_in, shift)
+        if not len(p.C):
+            return -self._through(r, shift), _symmetric(form.leave(X))
+        K = len(p.C)
+        response, mean_response = self.response(shift)
+        known = np.concatenate([-p.C @ self._through(r, shift), self._seen(X)])
+        matrix = np.eye(len(known))
+        matrix[:K, K:] -= mean_response
+        matrix[K:] -= response @ self.at.gain_slope
+        dtheta = _solve_small(matrix, known)
+        dk = self.at.gain_slope @ dtheta
+        dmu = -self._through(r + p.b @ (self.at.F_slope[:, K:] @ dtheta[K:]), shift)
+        X = form.divide(R_in + self._gain_forcing(dk), shift)
+        return dmu, _symmetric(form.leave(X))
+
+    def response(self, shift: float = 0.0) -> tuple[Array, Array]:
+        """How the arguments' covariances answer the gains, (T - K, K), and their means the covariances, (K, T - K)."""
+        p, form = self.at.problem, self.form
+        K = len(p.C)
+        u, v = self._directions
+        answers = form.respond(self._C, p.pairs, u.reshape(p.n, -1), v.reshape(p.n, -1), shift)
+        return answers.reshape(-1, *u.shape[1:]).sum(axis=2), -p.C @ self._through(p.b @ self.at.F_slope[:, K:], shift)
+
+    def _through(self, x: Array, shift: float) -> Array:
+        """(N - shift)^-1 x, of a vector or of columns."""
+        form = self.form
+        columns = x.reshape(len(x), -1)
+        return form.leave_vector(form.divide_vector(form.enter_vector(columns), shift)).reshape(x.shape)
+
+    def _seen(self, X: Array) -> Array:
+        """The covariances of the arguments in a covariance given in the decomposition's coordinates, (T - K,)."""
+        rows, others = self._C[self.at.problem.pairs]
+        return np.sum((rows @ X) * others, axis=1).real
+
+    def _gain_forcing(self, dk: Array) -> Array:
+        """sum_i dk_i (b_i v_i^T + v_i b_i^T + W_i) in the decomposition's coordinates, (n, n)."""
+        u, v = self._directions
+        half = (u * dk[:, None]).reshape(len(u), -1) @ v.reshape(len(v), -1).T
+        return half + half.T
+
+    @cached_property
+    def _directions(self) -> tuple[Array, Array]:
+        """u, v (n, K, m) with dR/dk_i = sum_m (u_im v_im^T + v_im u_im^T), in the decomposition's coordinates."""
+        p, form = self.at.problem, self.form
+        u, v = form.enter_vector(p.columns)[:, :, None], form.enter_vector(self.at.covariance @ p.C.T)[:, :, None]
+        if not p.tracks:
+            return u, v
+        modal = form if isinstance(form, ModalForm) else nearby_modal_form(self.at.N)
+        changes, wheels = delay_directions(self.at, modal)
+        if modal is not form:
+            changes = form.enter_vector(modal.leave_vector(changes.reshape(p.n, -1))).reshape(changes.shape)
+        wheels = np.broadcast_to(form.enter_vector(wheels)[:, None], changes.shape)
+        return np.concatenate([u, changes], axis=2), np.concatenate([v, wheels], axis=2)
+
+    @cached_property
+    def _C(self) -> Array:
+        return self.form.enter_form(self.at.problem.C)
+
+
+def delay_directions(at: Evaluation, modal: ModalForm, shift: complex = 0.0) -> tuple[Array, Array]:
+    """What the gains do to the forcing of wheels in one track: sum_m (u_im v_m^T + v_m u_im^T) for each argument i.
+
+    The columns of all g_k change by dg_k = exp((N - shift) tau) dg_(k-1) + E_i (g_(k-1) + b_(k-1)), where E_i is the
+    derivative of the exponential in the direction b_i c_i^T. A shift gives the Laplace transform of the answer to
+    gains that vary in time.
+
+    Returns
+    -------
+    u : (n, K, m) changes, in modal coordinates.
+    v : (n, m) inputs of the wheel concerned, times V Q.
+    """
+    p = at.problem
+    b, C = modal.enter_vector(p.columns), modal.enter_form(p.C)
+    ends = np.exp((modal.eigenvalues - shift)[:, None, None])
+    changes, wheels = [], []
+    for track, found in zip(p.tracks, at.correlations, strict=True):
+        before = [np.zeros_like(track.inputs[0]), *found[:-1]]
+        dg = np.zeros((p.n, len(p.C), track.inputs[0].shape[1]), dtype=complex)
+        for k, time in enumerate(track.times):
+            start = modal.enter_vector(before[k] + track.inputs[k])
+            divided = _divided_exponential(modal.eigenvalues - shift, modal.eigenvalues, time)
+            kicks = np.einsum("pq,iq,qw->piw", divided, C, start)
+            dg = ends**time * dg + b[:, :, None] * kicks
+            changes.append(dg)
+            wheels.append(track.speed * track.inputs[k + 1] @ track.intensity)
+    return np.concatenate(changes, axis=2), np.concatenate(wheels, axis=1)
+
+
+def _divided_exponential(a: Array, b: Array, time: float) -> Array:
+    """(exp(a_p t) - exp(b_q t)) / (a_p - b_q), (len(a), len(b)), accurate where the two are close."""
+    difference = (a[:, None] - b) * time
+    larger = np.where(difference.real > 0, a[:, None], b) * time
+    x = np.where(difference.real > 0, -difference, difference)
+    small = np.abs(x) < 1e-8
+    quotient = np.where(small, 1 + x / 2, np.expm1(x) / np.where(small, 1.0, x))
+    return time * np.exp(larger) * quotient
+
+
+def _solve_small(matrix: Array, known: Array) -> Array:
+    """Solve the dense system over what the elements see; by least squares where it is singular (a fold)."""
+    if not (np.isfinite(matrix).all() and np.isfinite(known).all()):
+        raise SolverError("The linearised moment equations are not finite.")
+    try:
+        return np.linalg.solve(matrix, known)
+    except np.linalg.LinAlgError:
+        return np.linalg.lstsq(matrix, known, rcond=None)[0]
+
+
+def _symmetric(X: Array) -> Array:
+    return 0.5 * (X + X.T)

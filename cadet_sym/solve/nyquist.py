@@ -1,0 +1,262 @@
+"""The feedback of the moment equations through their elements, as a function of the Laplace variable s.
+
+    f(s) = det( 1 - (k_S + k_z m(s)) Y(s) )
+
+Y, how the covariances of the elements' arguments answer the gains, has its poles at the sums l_p + l_q of two
+eigenvalues of N; m, how the arguments' means answer their covariances, at the eigenvalues. Both are held as partial
+fractions, which makes hundreds of values of f cheap. See `stability`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from cadet_sym.errors import SolverError
+from cadet_sym.solve.frozen import Evaluation
+from cadet_sym.solve.linearised import delay_directions
+from cadet_sym.solve.lyapunov import ModalForm
+
+__all__ = ["Response", "count_unstable", "rightmost"]
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Response:
+    """The matrix 1 - (k_S + k_z m(s)) Y(s) as a function of s, by partial fractions over the modes of N."""
+
+    at: Evaluation
+    form: ModalForm
+
+    @cached_property
+    def pairs(self) -> tuple[Array, Array]:
+        """Indices (p, q), p <= q, of the modes' covariances, in order."""
+        return np.triu_indices(self.at.problem.n)
+
+    @cached_property
+    def kicks(self) -> Array:
+        """What the gains add to the rates of the modes' covariances, (n (n + 1) / 2, K); without the delays."""
+        p = self.at.problem
+        upper, lower = self.pairs
+        u = self.form.enter_vector(p.columns)
+        v = self.form.enter_vector(self.at.covariance @ p.C.T)
+        return u[upper] * v[lower] + v[upper] * u[lower]
+
+    @cached_property
+    def seen(self) -> Array:
+        """What the modes' covariances add to those of the arguments, (n (n + 1) / 2, T - K)."""
+        p = self.at.problem
+        upper, lower = self.pairs
+        C = self.form.enter_form(p.C)
+        first, other = C[p.pairs[0]].T, C[p.pairs[1]].T
+        both = first[upper] * other[lower]
+        return np.where((upper == lower)[:, None], both, both + first[lower] * other[upper])
+
+    @cached_property
+    def sums(self) -> Array:
+        """l_p + l_q, (n (n + 1) / 2,)."""
+        upper, lower = self.pairs
+        return self.form.eigenvalues[upper] + self.form.eigenvalues[lower]
+
+    @cached_property
+    def fractions(self) -> tuple[Array, Array]:
+        """Poles of Y that matter, (q,), and their residues, (q, (T - K) K)."""
+        residues = (self.seen[:, :, None] * self.kicks[:, None, :]).reshape(len(self.sums), -1)
+        peak = np.abs(residues).max(axis=1) / np.maximum(np.abs(self.sums.real), 1e-300)
+        keep = peak > 1e-12 * peak.sum()
+        return self.sums[keep], residues[keep]
+
+    @cached_property
+    def pushes(self) -> Array:
+        """What the arguments' covariances add to the rates of the modes' means, (n, T - K)."""
+        p = self.at.problem
+        return self.form.enter_vector(p.b @ self.at.F_slope[:, len(p.C) :])
+
+    @cached_property
+    def singles(self) -> tuple[Array, Array]:
+        """Poles l_p of m, (n,), and their residues, (n, K (T - K))."""
+        C = self.form.enter_form(self.at.problem.C)
+        residues = C.T[:, :, None] * self.pushes[:, None, :]
+        return self.form.eigenvalues, residues.reshape(len(residues), -1)
+
+    def __call__(self, s: Array) -> Array:
+        """The matrix at complex s (k,), as (k, K, K)."""
+        K = len(self.at.problem.C)
+        Y, m = self.parts(s)
+        slope = self.at.gain_slope
+        return np.eye(K) - (slope[:, K:] + slope[:, :K] @ m) @ Y
+
+    def parts(self, s: Array) -> tuple[Array, Array]:
+        """Y (k, T - K, K) and m (k, K, T - K) at complex s (k,)."""
+        p = self.at.problem
+        K, S = len(p.C), p.pairs.shape[1]
+        Y = self._sum(*self.fractions, s).reshape(-1, S, K)
+        if p.tracks:
+            Y = Y + np.array([self._delayed(each) for each in s])
+        return Y, self._sum(*self.singles, s).reshape(-1, K, S)
+
+    def _sum(self, poles: Array, residues: Array, s: Array) -> Array:
+        return (1.0 / (s[:, None] - poles)) @ residues
+
+    def _delayed(self, s: complex) -> Array:
+        """What the gains do through the forcing of wheels in one track: a part of Y(s)."""
+        p, form = self.at.problem, self.form
+        u, v = delay_directions(self.at, form, s)
+        v = np.broadcast_to(form.enter_vector(v)[:, None], u.shape)
+        C = form.enter_form(p.C)
+        weights = 1.0 / (s - form.eigenvalues[:, None] - form.eigenvalues)
+        half = np.einsum("pim,qim->ipq", u, v)
+        X = (half + half.transpose(0, 2, 1)) * weights
+        return np.einsum("ap,ipq,aq->ai", C[p.pairs[0]], X, C[p.pairs[1]])
+
+    def determinant(self, s: Array) -> Array:
+        """Values of f at complex s (k,)."""
+        return np.linalg.det(self(np.atleast_1d(s)))
+
+    def frequencies(self) -> Array:
+        """Where f(i omega) may turn: zero, around every pole that matters, and far out, ascending."""
+        poles, residues = self.fractions
+        single, weights = self.singles
+        peaks = [np.abs(r).max(axis=1) / np.abs(s.real) for s, r in ((poles, residues), (single, weights))]
+        chosen = [s[peak > 1e-3 * peak.sum() / len(s)] for s, peak in zip((poles, single), peaks, strict=True)]
+        near = np.concatenate(chosen)
+        around = np.abs(near.imag) + np.abs(near.real) * np.array([-3.0, -1.0, 0.0, 1.0, 3.0])[:, None]
+        fastest = np.abs(self.form.eigenvalues).max()
+        slowest = np.abs(self.form.eigenvalues.real).min()
+        spread = np.geomspace(1e-2 * slowest, 1e3 * fastest, 40)
+        every = np.concatenate([[0.0], around.ravel(), spread])
+        every = np.unique(every[every >= 0])
+        # Points closer than a hundredth of the distance to the nearest pole bring nothing new.
+        return every[np.concatenate([[True], np.diff(every) > 1e-2 * slowest])]
+
+
+def count_unstable(response: Response) -> int:
+    """Number of eigenvalues of the moment equations in the right half-plane, where N has none there."""
+    _, value = _nyquist_curve(response)
+    # f is real at zero and one at infinity: anticlockwise round the right half-plane is down the imaginary axis
+    total = np.sum(np.angle(value[1:] / value[:-1])) + np.angle(1.0 / value[-1])
+    return round(-float(total) / np.pi)
+
+
+def _nyquist_curve(response: Response) -> tuple[Array, Array]:
+    """f(i omega) at frequencies so close that its argument can be followed."""
+    omega = response.frequencies()
+    value = _evaluate(response, omega)
+    for _ in range(40):
+        turn = np.abs(np.angle(value[1:] / value[:-1]))
+        change = np.abs(value[1:] - value[:-1]) / np.minimum(np.abs(value[1:]), np.abs(value[:-1]))
+        gaps = np.flatnonzero(((turn > 0.8) | (change > 1.0)) & (np.diff(omega) > 1e-12 * omega[1:]))
+        if not len(gaps):
+            break
+        middle = 0.5 * (omega[gaps] + omega[gaps + 1])
+        omega = np.insert(omega, gaps + 1, middle)
+        value = np.insert(value, gaps + 1, _evaluate(response, middle))
+    return omega, value
+
+
+def _evaluate(response: Response, omega: Array) -> Array:
+    batch = max(1, 2_000_000 // max(len(response.sums), 1))
+    parts = [response.determinant(1j * omega[i : i + batch]) for i in range(0, len(omega), batch)]
+    value = np.concatenate(parts)
+    if not np.isfinite(value).all():
+        raise SolverError("The stability of the moment equations could not be judged: overflow in their response.")
+    return np.where(value == 0, 1e-300, value)
+
+
+def rightmost(response: Response, stable: bool) -> complex:
+    """The eigenvalue of the moment equations with the largest real part among those near zero and the slow modes.
+
+    Shift-invert Lanczos-Arnoldi round zero and round the frequencies of the least damped modes, in the modes'
+    coordinates: one application costs O(n^2). If the count says unstable and that finds nothing unstable, the zeros
+    of f are looked for from the points where its curve comes closest to zero.
+    """
+    slow = response.form.eigenvalues[np.argsort(-response.form.eigenvalues.real)][:4]
+    shifts = np.unique(np.round(np.concatenate([[0.0], np.abs(slow.imag), 2 * np.abs(slow.imag)]), 12))
+    found = [value for omega in shifts[:5] for value in _eigenvalues_near(response, 1j * omega)]
+    if not stable:
+        found += _real_zeros(response)
+    if not found or not (stable or any(value.real > 0 for value in found)):
+        found += _zeros(response)
+    if stable:  # what the count has excluded is an artefact of the iteration
+        found = [value for value in found if value.real < 0]
+    return max(found or [complex(slow[0])], key=_real_part)
+
+
+def _real_part(value: complex) -> float:
+    return value.real
+
+
+def _eigenvalues_near(response: Response, shift: complex) -> list[complex]:
+    """A few eigenvalues of the moment equations near a point, by Arnoldi iteration with their inverse."""
+    from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
+
+    p, n = response.at.problem, response.at.problem.n
+    if p.tracks:  # the shift enters exponentials: there is no linear eigenvalue problem to iterate with
+        return []
+    K, size = len(p.C), n + len(response.sums)
+    shift = shift + 1e-7j * np.abs(response.form.eigenvalues).max()  # never on an eigenvalue
+    C = response.form.enter_form(p.C)
+    Y, m = (part[0] for part in response.parts(np.array([shift])))
+    slope = response.at.gain_slope
+    matrix = np.eye(K + len(Y), dtype=complex)
+    matrix[:K, K:] -= m
+    matrix[K:] -= Y @ slope
+    means, covariances = 1.0 / (response.form.eigenvalues - shift), 1.0 / (response.sums - shift)
+
+    def apply(y: Array) -> Array:
+        mu, X = means * y[:n], covariances * y[n:]
+        dtheta = np.linalg.solve(matrix, np.concatenate([C @ mu, response.seen.T @ X]))
+        mu = mu - means * (response.pushes @ dtheta[K:])
+        return np.concatenate([mu, X - covariances * (response.kicks @ (slope @ dtheta))])
+
+    operator = LinearOperator((size, size), matvec=apply, dtype=complex)  # pyright: ignore[reportCallIssue]
+    start = np.random.default_rng(0).standard_normal(size) + 0j
+    try:
+        inverse = eigs(operator, k=4, v0=start, return_eigenvectors=False, tol=1e-8, maxiter=30)
+    except ArpackError:
+        return []
+    return [complex(shift + 1.0 / value) for value in np.atleast_1d(inverse)]
+
+
+def _real_zeros(response: Response) -> list[complex]:
+    """Real zeros of f to the right of the imaginary axis, between points where its sign changes."""
+    from scipy.optimize import brentq
+
+    rates = np.abs(response.form.eigenvalues)
+    grid = np.geomspace(1e-6 * rates.min(), 1e3 * rates.max(), 400)
+    value = response.determinant(grid + 0j).real
+    changes = np.flatnonzero(np.sign(value[1:]) != np.sign(value[:-1]))
+
+    def f(s: float) -> float:
+        return float(response.determinant(np.array([s + 0j]))[0].real)
+
+    return [complex(brentq(f, grid[i], grid[i + 1], rtol=1e-12)) for i in changes]
+
+
+def _zeros(response: Response) -> list[complex]:
+    """Zeros of f by the secant method from the deepest dips along the imaginary axis, and from points beside them."""
+    omega, value = _nyquist_curve(response)
+    size = np.abs(value)
+    dips = np.flatnonzero((size <= np.append(size[1:], np.inf)) & (size <= np.insert(size[:-1], 0, np.inf)))
+    dips = dips[np.argsort(size[dips])][:6]
+    scale = np.abs(response.form.eigenvalues.real).min()
+    starts = [1j * omega[i] + side * scale for i in dips for side in (0.3, 0.0, 3.0, -0.3)]
+    found = (_secant(response, start, 1e-3 * scale) for start in starts)
+    return [zero for zero in found if zero is not None]
+
+
+def _secant(response: Response, start: complex, step: float) -> complex | None:
+    s, previous = start, start + step
+    f, f_previous = response.determinant(np.array([s, previous]))
+    for _ in range(30):
+        if f == f_previous or not np.isfinite(f):
+            return None
+        new = s - f * (s - previous) / (f - f_previous)
+        previous, f_previous, s = s, f, new
+        f = complex(response.determinant(np.array([s]))[0])
+        if abs(s - previous) < 1e-9 * abs(s) + 1e-300:
+            return complex(s)
+    return None

@@ -1,0 +1,192 @@
+"""Stationary moments of a frozen problem: found from nothing, judged, and never given out when they are wrong.
+
+The ladder of `rungs` is climbed until a stable solution is found; an unstable one is kept in case there is no other.
+What a rung calls converged is a solution only if the moments are finite, the residual is small against the equations'
+own terms, a further Newton step would change nothing (which tells a solution from a run-away, whose residual becomes
+small too as its terms grow), and the covariance is positive semidefinite.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cadet_sym.errors import SolverError
+from cadet_sym.solve.drift import Frame, frame
+from cadet_sym.solve.frozen import Evaluation, FrozenProblem
+from cadet_sym.solve.linearised import LinearisedMoments
+from cadet_sym.solve.rungs import RESIDUAL, STEP, Attempt, follow, newton, relative_size
+from cadet_sym.solve.stability import Stability, stability
+
+__all__ = ["StationaryPoint", "accept", "stationary_point"]
+
+Array = np.ndarray
+
+MARGINAL = 1e-11  # of the fastest rate: a mode nearer to being undamped has no variance that rounding leaves standing
+NEGATIVE = 1e-10  # of the largest: a smaller negative eigenvalue of the correlations is rounding
+
+
+@dataclass(frozen=True)
+class StationaryPoint:
+    """One fixed point of the moment equations, accepted and judged."""
+
+    mean: Array  # (n,)
+    covariance: Array  # (n, n); for forms of the states that do not contain a drifting direction
+    drift: Array  # (n, q) orthonormal: directions without stationary moments
+    drifting: Array  # (n,) bool: states that have a part in one
+    judgement: Stability
+    residual: float  # the largest of the equations over the size of their own terms
+    step: float  # relative size of the last Newton step: what is left of the error is about its square
+    path: tuple[str, ...]  # a line for each attempt
+    frame: Frame = field(repr=False)
+    evaluation: Evaluation = field(repr=False)  # in the frame's coordinates
+
+    @property
+    def stable(self) -> bool:
+        """Whether the moments return to this point from near by."""
+        return self.judgement.stable
+
+    @property
+    def eigenvalues(self) -> Array:
+        """Eigenvalues of N, from the right, (n - q,) complex."""
+        return self.judgement.eigenvalues
+
+
+def stationary_point(problem: FrozenProblem, start: tuple[Array, Array] | None = None) -> StationaryPoint:
+    """Find a stationary point, a stable one if there is one to be found.
+
+    Parameters
+    ----------
+    problem : the moment equations with everything else fixed.
+    start : mean (n,) and covariance (n, n) to begin with; also the values of what is conserved. Default: rest.
+
+    Raises
+    ------
+    SolverError
+        If no acceptable solution was found: what was tried, the best residual, and the eigenvalue to blame.
+    """
+    view = frame(problem, None if start is None else start[0])
+    attempts: list[Attempt] = []
+    fallback: StationaryPoint | None = None
+    for attempt in ladder(view, start):
+        attempts.append(attempt)
+        point = accept(view, attempt, attempts) if attempt.converged else None
+        if point is not None and point.stable:
+            return point
+        fallback = fallback or point
+        if not len(problem.C):
+            break  # linear: there is only one candidate
+    if fallback is not None:
+        return fallback
+    raise _failure(view, attempts)
+
+
+def ladder(view: Frame, start: tuple[Array, Array] | None) -> Iterator[Attempt]:
+    """Attempts at a solution, cheapest first; the caller stops when it has what it wants."""
+    p, spread = view.problem, view.spread
+    rest = np.zeros(p.n)
+    if start is not None:
+        mean, covariance = view.lower(*start)
+        if np.any(covariance):
+            yield newton(p, (mean, covariance), name="Newton from the given start")
+        rest = mean
+    yield newton(p, (rest, spread), name="Newton from a short run")
+    yield follow(p, (rest, 1e-8 * spread), name="pseudo-transient from rest")
+    yield newton(p, (rest, 1e-8 * spread), name="Newton from rest")
+    yield follow(p, (rest, spread), name="pseudo-transient from a short run")
+    yield follow(p, (rest, 1e-8 * spread), limit=600, tolerance=0.05, name="march from rest")
+    yield from scattered(view, 12)
+
+
+def scattered(view: Frame, count: int) -> Iterator[Attempt]:
+    """Attempts from random means, equal each time it is run."""
+    p, spread = view.problem, view.spread
+    rng = np.random.default_rng(0)
+    sigma = np.sqrt(np.maximum(np.diag(spread), 0.0))
+    for k in range(count):
+        mean = 3.0 * sigma * rng.standard_normal(p.n) * rng.random()
+        begin = mean, 10.0 ** rng.uniform(-4, 1) * spread
+        yield newton(p, begin, name=f"Newton from random start {k + 1}")
+        yield follow(p, begin, limit=60, name=f"pseudo-transient from random start {k + 1}")
+
+
+def accept(view: Frame, attempt: Attempt, attempts: list[Attempt]) -> StationaryPoint | None:
+    """The solution at which an attempt converged, or None if it is not one."""
+    at = attempt.best
+    if not at.finite or not at.residual < RESIDUAL or not _positive(at.covariance):
+        return None
+    lin = LinearisedMoments(at)
+    rates = lin.form.eigenvalues
+    if np.abs(rates.real).min() < MARGINAL * np.abs(rates).max():
+        return None
+    try:
+        step = relative_size(at, lin.step())
+        if not step < STEP:
+            return None
+        judgement = stability(lin)
+    except SolverError:
+        return None
+    mean, covariance = view.lift(at.mean, at.covariance)
+    return StationaryPoint(
+        mean=mean,
+        covariance=covariance,
+        drift=view.drift,
+        drifting=view.drifting,
+        judgement=judgement,
+        residual=at.residual,
+        step=step,
+        path=tuple(str(each) for each in attempts),
+        frame=view,
+        evaluation=at,
+    )
+
+
+def _positive(P: Array) -> bool:
+    """Whether a covariance is positive semidefinite but for rounding, whatever the units of its states."""
+    lowest = np.linalg.eigvalsh(P)[0]
+    sigma = np.sqrt(np.maximum(np.diag(P), 0.0))
+    sigma = np.where(sigma > 1e-9 * sigma.max(initial=0.0), sigma, np.inf)
+    correlation = np.linalg.eigvalsh(P / np.outer(sigma, sigma))[0]
+    return bool(lowest >= -NEGATIVE * np.trace(P) and correlation >= -NEGATIVE * len(P))
+
+
+def _failure(view: Frame, attempts: list[Attempt]) -> SolverError:
+    """What was tried, how close it came, and which eigenvalue is to blame."""
+    best = min((each.best for each in attempts), key=lambda at: at.residual)
+    last = max((each for each in attempts if "from random" not in each.rung), key=lambda each: each.iterations).best
+    tried = "; ".join(str(each) for each in attempts if "from random" not in each.rung)
+    count = sum("from random" in each.rung for each in attempts)
+    if count:
+        tried += f"; {count} attempts from random starts"
+    blame, eigenvalue = _blame(view, last)
+    return SolverError(
+        f"No stationary moments were found. {blame} Tried: {tried}. Best residual {best.residual:.1e}.",
+        residual=best.residual,
+        eigenvalue=eigenvalue,
+        tried=tuple(str(each) for each in attempts),
+    )
+
+
+def _blame(view: Frame, at: Evaluation) -> tuple[str, complex]:
+    """The slowest or growing mode where the search ended, in words, and its eigenvalue."""
+    N = at.N if np.isfinite(at.N).all() else view.problem.A
+    values, vectors = np.linalg.eig(N)
+    worst = int(np.argmax(values.real))
+    value = complex(values[worst])
+    names = view.states
+    share = np.abs(view.right @ (vectors[:, worst] * np.sqrt(np.maximum(np.diag(at.covariance), 1e-300))))
+    share = np.abs(view.right @ vectors[:, worst]) if not np.isfinite(share).all() else share
+    scale = np.sqrt(np.maximum(np.diag(view.right @ view.spread @ view.right.T), 1e-300))
+    main = np.argsort(-share / scale)[: 2 if value.imag else 1]
+    who = " and ".join(f"`{names[i]}`" for i in main if i < len(names))
+    number = f"{value.real:.3g}" + (f" ± {abs(value.imag):.3g}i" if value.imag else "")
+    where = f" (mostly {who})" if who else ""
+    if value.real > MARGINAL * np.abs(values).max():
+        verdict = f"N has the growing eigenvalue {number}{where}: negative damping or stiffness."
+    elif value.real > -MARGINAL * np.abs(values).max():
+        verdict = f"the eigenvalue {number} of N{where} is undamped: its variance grows without bound."
+    else:
+        verdict = f"the least damped eigenvalue of N was {number}{where}."
+    return f"Where the search ended {verdict}", value
