@@ -19,7 +19,7 @@ from cadet_sym.language.expression import DISTANCE, SPEED, SPEED_RATE, TIME
 from cadet_sym.lowering.expressions import to_casadi
 from cadet_sym.lowering.system import LoweredSystem
 
-__all__ = ["filter_matrices", "initial_moments"]
+__all__ = ["filter_matrices", "initial_moments", "vehicle_start"]
 
 _Environment = Mapping[sp.Symbol, ca.SX]
 
@@ -34,7 +34,7 @@ def initial_moments(lowered: LoweredSystem, linear_solver: str = "qr") -> ca.Fun
     system, packing = equations.quasi_linear.system, equations.packing
     p = ca.MX.sym("p", len(lowered.parameters))
     nv, nf = system.vehicle_size, packing.n - system.vehicle_size
-    offset, linear, delta = _vehicle_start(lowered)(p)
+    offset, linear, delta = vehicle_start(lowered)(p)
     mean = ca.vertcat(offset, ca.MX.zeros(nf, 1))
     ground = _GroundStart(lowered, p, mean, linear_solver)
     P_ground = ground.covariance(nf)
@@ -124,7 +124,7 @@ class _GroundStart:
             return self._behind_smooth(track)
         copies = [next(c for c in self.system.copies if c.columns == columns) for columns in track.columns]
         q = len(track.columns[0])
-        linear = _vehicle_start(self.lowered)(self.p)[1]
+        linear = vehicle_start(self.lowered)(self.p)[1]
         tails = [ca.MX.zeros(len(c.filter.states), q) for c in copies]
         nodes = []
         for k, gap in enumerate(track.gaps):
@@ -178,7 +178,7 @@ def _start_environment(lowered: LoweredSystem) -> tuple[ca.SX, dict[sp.Symbol, c
     return p, env
 
 
-def _vehicle_start(lowered: LoweredSystem) -> ca.Function:
+def vehicle_start(lowered: LoweredSystem) -> ca.Function:
     """P -> offset (nv), map (nv, nf), covariance (nv, nv) of the vehicle's initial state."""
     p, env = _start_environment(lowered)
     system = lowered.equations.quasi_linear.system
