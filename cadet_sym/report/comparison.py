@@ -196,7 +196,8 @@ def _judged(discrepancy: float, limit: float, unit: str) -> str:
     """'is 6.1 ± 0.2 % low' or 'agrees within 3 %'."""
     number, half = rounded(abs(discrepancy), limit)
     if abs(discrepancy) <= limit:
-        return f"agrees ({'-' if discrepancy < 0 else '+'}{number} ± {half} {unit})"
+        sign = "" if float(number) == 0.0 else "-" if discrepancy < 0 else "+"
+        return f"agrees ({sign}{number} ± {half} {unit})"
     return f"is {number} ± {half} {unit} {'low' if discrepancy < 0 else 'high'}"
 
 
