@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -10,13 +11,15 @@ import numpy as np
 import sympy as sp
 
 from cadet_sym.errors import ModelError
-from cadet_sym.expectation.quadrature import REACH, Integral, Rule, Sample, lay_out
+from cadet_sym.expectation.quadrature import REACH, Integral, Rule, Wish, lay_out
 from cadet_sym.language.numeric import evaluate
 
-WANTED = 2e-12
 WARNED = 1e-8
-RULES = tuple(Rule(panels, order) for panels, order in ((3, 10), (4, 10), (4, 12), (4, 16), (5, 20), (8, 24)))
-REFERENCE = Rule(13, 32, 40)
+RULES = tuple(
+    Rule(panels, order, straight=panels)
+    for panels, order in ((3, 10), (4, 10), (4, 12), (4, 16), (5, 20), (8, 24))
+)
+REFERENCE = Rule(13, 32, 40, 13)
 SPREADS = (0.03, 0.3, 1.0, 3.0, 10.0)
 PLACES = (-6.0, -2.5, -1.0, 0.0, 0.7, 2.0, 5.0)
 UNKNOWN = (1.0, 0.7, 1.3)  # numbers tried for a parameter whose value is not known
@@ -26,11 +29,11 @@ class ExpectationWarning(UserWarning):
     """An expectation is less accurate than it should be."""
 
 
-def chosen(part: Integral, where: str, sample: Sample) -> Integral:
+def chosen(part: Integral, where: str, wish: Wish) -> Integral:
     """The piece with the cheapest rule that is accurate enough; a warning if none is."""
-    numbers = _numbers(part, sample)
+    numbers = _numbers(part, wish.sample)
     if numbers is None:
-        return replace(part, rule=RULES[3], error=WANTED)
+        return replace(part, rule=RULES[3], error=wish.error)
     means, spreads = _grid(part, numbers)
     derivative = part.derivative()
     checked = [part] if any(part.singular) else [part, derivative]
@@ -41,7 +44,7 @@ def chosen(part: Integral, where: str, sample: Sample) -> Integral:
             _error(_estimate(replace(p, rule=rule), numbers, means, spreads), reference)
             for p, reference in zip(checked, references, strict=True)
         )
-        if error <= WANTED:
+        if error <= wish.error:
             return replace(part, rule=rule, error=error)
     if error > WARNED:
         warnings.warn(
@@ -53,7 +56,7 @@ def chosen(part: Integral, where: str, sample: Sample) -> Integral:
     return replace(part, rule=RULES[-1], error=float(error))
 
 
-def _numbers(part: Integral, sample: Sample) -> dict[sp.Symbol, float] | None:
+def _numbers(part: Integral, sample: Mapping[sp.Symbol, float]) -> dict[sp.Symbol, float] | None:
     """Numbers for the parameters at which the expression has finite values near its cell's middle."""
     free = (part.value.free_symbols | part.lower.free_symbols | part.upper.free_symbols) - {part.argument}
     for guess in UNKNOWN:

@@ -1,14 +1,29 @@
-"""Several jointly Gaussian arguments: write f as a sum of products that Stein's lemma and conditioning can do."""
+"""Several jointly Gaussian arguments: products that Stein's lemma and the bivariate normal do, else an integral over one.
+
+A function is written as a sum of monomials times functions of one argument each. With none or one such function Stein's
+lemma, E[(z - m) g] = S E[grad g], reduces it to one argument; with two that are piecewise polynomials, to the bivariate
+normal distribution. What is left is integrated over one argument, given which the others are Gaussian again.
+"""
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import sympy as sp
+from sympy.logic.boolalg import Boolean
 
 from cadet_sym.errors import LinearisationError
-from cadet_sym.expectation.quadrature import Sample
+from cadet_sym.expectation.nested import Nested, nested
+from cadet_sym.expectation.pieces import Cell, Splitter, has_kinks
+from cadet_sym.expectation.quadrature import Wish
+from cadet_sym.expectation.tables import written_out
 from cadet_sym.expectation.univariate import Univariate, univariate
+from cadet_sym.language.vocabulary import Lookup
+
+MAX_ARGUMENTS = 3  # of a function that is not a sum of products
+MAX_TERMS = 400
 
 
 @dataclass(frozen=True)
@@ -17,7 +32,7 @@ class Product:
 
     coefficient: sp.Expr
     powers: tuple[int, ...]
-    functions: tuple[tuple[int, Univariate], ...]  # (index of the argument, function of it)
+    functions: tuple[tuple[int, Univariate], ...]  # (index of the argument, function of it); at most two
 
     @property
     def nodes(self) -> int:
@@ -30,8 +45,203 @@ class Product:
         return max((function.error for _, function in self.functions), default=0.0)
 
 
-def products(arguments: tuple[sp.Symbol, ...], body: sp.Expr, where: str, sample: Sample) -> tuple[Product, ...]:
-    """Write a function as a sum of products whose expectation is known."""
+    def kinks(self) -> Iterator[tuple[int, sp.Expr]]:
+        """Arguments and positions of kinks."""
+        for argument, function in self.functions:
+            for position in function.kinks():
+                yield argument, position
+
+
+@dataclass(frozen=True)
+class _Term:
+    """A product on its way: powers of arguments, and for an argument with a function all factors that hold it."""
+
+    coefficient: sp.Expr
+    powers: tuple[int, ...]
+    functions: tuple[tuple[int, sp.Expr], ...]
+
+
+def products(
+    arguments: tuple[sp.Symbol, ...], body: sp.Expr, where: str, wish: Wish
+) -> tuple[Product | Nested, ...]:
+    """Write a function as a sum of terms whose expectation is known.
+
+    Raises
+    ------
+    LinearisationError
+        If a term has no expectation, or depends on more arguments than can be integrated over.
+    """
     if len(arguments) == 1:
-        return (Product(sp.S.One, (0,), ((0, univariate(body, arguments[0], where, sample)),)),)
-    raise LinearisationError(f"{where}: {len(arguments)} arguments; split it into terms of fewer")
+        return (Product(sp.S.One, (0,), ((0, univariate(body, arguments[0], where, wish)),)),)
+    terms, rest = _separated(arguments, body, where)
+    found: list[Product | Nested] = []
+    for term in _merged(terms):
+        product = _product(term, arguments, where, wish)
+        if isinstance(product, Product):
+            found.append(product)
+        else:
+            rest.append(product)
+    groups: dict[tuple[int, ...], list[sp.Expr]] = defaultdict(list)
+    for expr in rest:
+        groups[tuple(i for i, z in enumerate(arguments) if expr.has(z))].append(expr)
+    for used, exprs in groups.items():
+        found.append(_integrated(arguments, used, sp.Add(*exprs), where, wish))
+    return tuple(found)
+
+
+def _integrated(
+    arguments: tuple[sp.Symbol, ...], used: tuple[int, ...], body: sp.Expr, where: str, wish: Wish
+) -> Nested:
+    if len(used) > MAX_ARGUMENTS:
+        names = ", ".join(str(arguments[i]) for i in used)
+        raise LinearisationError(
+            f"{where}: the term `{body}` is a function of {len(used)} arguments ({names}) that does not separate into "
+            f"products of functions of one argument each; no more than {MAX_ARGUMENTS} can be integrated over. "
+            "Split it: give a part of it a state of its own (a fast first-order filter), or write it as a sum of products"
+        )
+    return nested(arguments, used, body, where, wish)
+
+
+# -- separation -------------------------------------------------------------------------------------------------------
+
+
+def _separated(
+    arguments: tuple[sp.Symbol, ...], body: sp.Expr, where: str
+) -> tuple[list[_Term], list[sp.Expr]]:
+    """Terms that are products of functions of one argument, and those that are not."""
+    separator = _Separator(arguments, where)
+    terms: list[_Term] = []
+    rest: list[sp.Expr] = []
+    for factors in separator.sums_of_products(body):
+        mixed = [f for f in factors if len(separator.used(f)) > 1]
+        if mixed:
+            rest.append(sp.Mul(*factors))
+        else:
+            terms.append(separator.term(factors))
+    return terms, rest
+
+
+class _Separator:
+    """Multiplies out and cuts at kinks until every factor holds one argument, where that is possible."""
+
+    def __init__(self, arguments: tuple[sp.Symbol, ...], where: str):
+        self.arguments, self.where = arguments, where
+
+    def used(self, expr: sp.Basic) -> frozenset[sp.Basic]:
+        """The arguments in an expression."""
+        return frozenset(self.arguments) & expr.free_symbols
+
+    def sums_of_products(self, body: sp.Expr) -> Iterator[tuple[sp.Expr, ...]]:
+        """Factors of every term."""
+        waiting = [t for t in sp.Add.make_args(_expanded(body))]
+        count = 0
+        while waiting:
+            term = waiting.pop()
+            factors = sp.Mul.make_args(term)
+            cut = self._cut(factors)
+            count += 1
+            if cut is None or count > MAX_TERMS:
+                yield factors
+            else:
+                waiting.extend(t for piece in cut for t in sp.Add.make_args(_expanded(piece)))
+
+    def _cut(self, factors: tuple[sp.Expr, ...]) -> list[sp.Expr] | None:
+        """A product with its first mixed factor cut at kinks in one argument; None if there is none, or it cannot be."""
+        for i, factor in enumerate(factors):
+            if len(self.used(factor)) < 2:
+                continue
+            pieces = self._pieces(factor)
+            if pieces is not None:
+                others = sp.Mul(*factors[:i], *factors[i + 1 :])
+                return [others * piece for piece in pieces]
+        return None
+
+    def _pieces(self, factor: sp.Expr) -> list[sp.Expr] | None:
+        factor = written_out(factor) if factor.has(Lookup) else factor
+        for z in self.arguments:
+            if not factor.has(z) or not has_kinks(factor, z):
+                continue
+            try:
+                cells = Splitter(z, self.where).split(factor, Cell())
+            except LinearisationError:
+                continue
+            if any(self.used(bound) - {z} for cell, _ in cells for bound in (*cell.lowers, *cell.uppers)):
+                continue
+            pieces = [value * self._indicator(cell, z) for cell, value in cells if value != 0]
+            if all(piece != factor for piece in pieces):
+                return pieces
+        return None
+
+    def _indicator(self, cell: Cell, z: sp.Symbol) -> sp.Expr:
+        """One inside the cell: a product of indicators, each of as few arguments as possible."""
+        inside: list[Boolean] = [sp.Gt(z, bound, evaluate=False) for bound in cell.lowers]
+        inside += [sp.Lt(z, bound, evaluate=False) for bound in cell.uppers]
+        factors = [_indicator(sp.And(*inside))] if inside else []
+        return sp.Mul(*factors, *(_indicator(condition) for condition in cell.conditions))
+
+    def term(self, factors: tuple[sp.Expr, ...]) -> _Term:
+        """Sort the factors of a product by the argument that they hold."""
+        coefficient, powers, functions = sp.S.One, [0] * len(self.arguments), defaultdict(lambda: sp.S.One)
+        for factor in factors:
+            used = self.used(factor)
+            if not used:
+                coefficient *= factor
+                continue
+            i = self.arguments.index(next(iter(used)))
+            base, power = factor.as_base_exp()
+            if base == self.arguments[i] and power.is_Integer and power > 0:
+                powers[i] += int(power)
+            else:
+                functions[i] *= factor
+        for i in functions:
+            functions[i] *= self.arguments[i] ** powers[i]
+            powers[i] = 0
+        return _Term(coefficient, tuple(powers), tuple(sorted(functions.items(), key=lambda f: f[0])))
+
+
+def _indicator(condition: Boolean) -> sp.Expr:
+    if condition == sp.true:
+        return sp.S.One
+    return sp.Piecewise((sp.S.One, condition), (sp.S.Zero, sp.true), evaluate=False)
+
+
+def _expanded(expr: sp.Expr) -> sp.Expr:
+    """Multiplied out, products of exponentials taken apart."""
+    return sp.expand(expr, deep=False, power_base=False, log=False)
+
+
+def _merged(terms: list[_Term]) -> list[_Term]:
+    """Add the functions of the last argument with equal other factors: what is continuous in it must come together."""
+    sums: dict[tuple[tuple[int, ...], tuple[tuple[int, sp.Expr], ...], int], sp.Expr] = {}
+    plain: dict[tuple[int, ...], sp.Expr] = {}
+    for term in terms:
+        if not term.functions:
+            plain[term.powers] = plain.get(term.powers, sp.S.Zero) + term.coefficient
+            continue
+        *others, (index, function) = term.functions
+        key = (term.powers, tuple(others), index)
+        sums[key] = sums.get(key, sp.S.Zero) + term.coefficient * function
+    result = [_Term(coefficient, powers, ()) for powers, coefficient in plain.items() if coefficient != 0]
+    for (powers, others, index), function in sums.items():
+        if function != 0:
+            result.append(_Term(sp.S.One, powers, (*others, (index, function))))
+    return result
+
+
+def _product(
+    term: _Term, arguments: tuple[sp.Symbol, ...], where: str, wish: Wish
+) -> Product | sp.Expr:
+    """The term with its functions ready; or the term itself if there is no closed form for two functions."""
+    whole = sp.Mul(
+        term.coefficient,
+        *(z**n for z, n in zip(arguments, term.powers, strict=True)),
+        *(f for _, f in term.functions),
+    )
+    if len(term.functions) > 2:
+        return whole
+    if len(term.functions) == 2 and any(f.has(Lookup) for _, f in term.functions):
+        return whole
+    functions = tuple((i, univariate(f, arguments[i], where, wish)) for i, f in term.functions)
+    if len(functions) == 2 and not all(f.is_piecewise_polynomial for _, f in functions):
+        return whole
+    return Product(term.coefficient, term.powers, functions)

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import sympy as sp
 
 from cadet_sym.expectation.conditional import Product, products
-from cadet_sym.expectation.quadrature import Sample
+from cadet_sym.expectation.nested import Nested
+from cadet_sym.expectation.quadrature import Wish
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,7 @@ class DescribingFunction:
     body: sp.Expr
     means: tuple[sp.Symbol, ...]
     covariances: tuple[sp.Symbol, ...]  # lower triangle row by row: S11; S21, S22; ...
-    products: tuple[Product, ...]
+    products: tuple[Product | Nested, ...]
 
     @property
     def method(self) -> str:
@@ -64,13 +65,21 @@ def describing_function(
         If no expectation exists, or there is no rule for it.
     """
     where = f"the element `{name}`" if name else f"`{body}`"
-    sample: Sample = values or {}
+    return describe(arguments, body, where, Wish(values or {}), name)
+
+
+def describe(
+    arguments: tuple[sp.Symbol, ...], body: sp.Expr, where: str, wish: Wish, name: str = ""
+) -> DescribingFunction:
+    """Make the describing function; `where` is what messages call it."""
     count = len(arguments)
     return DescribingFunction(
         name=name,
         arguments=arguments,
         body=body,
         means=tuple(sp.Symbol(f"m{i + 1}", real=True) for i in range(count)),
-        covariances=tuple(sp.Symbol(f"S{i + 1}{j + 1}", real=True) for i in range(count) for j in range(i + 1)),
-        products=products(arguments, body, where, sample),
+        covariances=tuple(
+            sp.Symbol(f"S{i + 1}{j + 1}", real=True) for i in range(count) for j in range(i + 1)
+        ),
+        products=products(arguments, body, where, wish),
     )

@@ -1,17 +1,18 @@
 """Expectations without a closed form: Gauss-Legendre on panels between the moving kinks, denser where f is steep.
 
 With u = (z - m)/s the integral of f(m + s u) phi(u) runs over |u| <= REACH between two kinks. A smooth stretch is cut into
-panels of equal length. A steep place (centre c, width w: a zero of what stands under a root, the middle of a tanh) splits
-it, and either side is run through by u = c +- w sinh(tau), which spreads the panels evenly over all scales from w to the
-whole stretch (Johnston & Elliott 2005, Int. J. Numer. Meth. Engng 62, 564). At an end where f has a power that is not
-an integer, z^q, the first panel is run through by u = a + L t^4.
+panels of equal length. A steep place (centre c, width w) splits it. If f has a pole there (at c +- i w: a zero of what
+stands under a root, the middle of a tanh), either side is run through by u = c +- w sinh(tau), which spreads the panels
+evenly over all scales from w to the whole stretch (Johnston & Elliott 2005, Int. J. Numer. Meth. Engng 62, 564). If it has
+a step there (a kink smoothed by a normal distribution of width w), either side is split where the step is over. At an end
+where f has a power that is not an integer, z^q, the first panel is run through by u = a + L t^4.
 
 The same code lays out the nodes in NumPy, where the error is estimated, and in CasADi.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any
@@ -27,10 +28,19 @@ SINGULAR_LENGTH = 1.5  # of the panel at a singular end, in standard deviations
 SINGULAR_POWER = 4
 WIDEST = 100.0  # a steep place wider or farther than this many standard deviations is none
 NARROWEST = 1e-13
+TINY = 1e-100
+STEP_REACH = 6.5  # widths beyond which a step is over to 4e-11
 ROOT_TWO_PI = float(np.sqrt(2 * np.pi))
 
-Sample = Mapping[sp.Symbol, float]  # numbers for the parameters, at which orders are chosen and errors estimated
 Number = Any  # float, NumPy array or CasADi SX
+
+
+@dataclass(frozen=True)
+class Wish:
+    """How accurate an expectation shall be, and for what numbers of the parameters."""
+
+    sample: Mapping[sp.Symbol, float]
+    error: float = 2e-12
 
 
 @dataclass(frozen=True)
@@ -40,6 +50,7 @@ class Rule:
     panels: int
     order: int
     singular: int = 20  # nodes of the panel at a singular end
+    straight: int = 4  # panels where nothing is steep
 
 
 @dataclass(frozen=True)
@@ -51,15 +62,22 @@ class Integral:
     value: sp.Expr
     argument: sp.Symbol
     steep: tuple[Steep, ...] = ()
-    singular: tuple[bool, bool] = (False, False)  # at the lower, the upper end
+    singular: tuple[bool, bool] = (False, False)  # at the lower, the upper end; not at both
     rule: Rule = Rule(4, 16)
     error: float = field(default=0.0, compare=False)
 
     @property
     def nodes(self) -> int:
         """Points at which the expression is evaluated."""
-        halves = max(1, sum(place.sides for place in self.steep))
-        return self.rule.order * self.rule.panels * halves + self.rule.singular * sum(self.singular)
+        zones = 2 if any(place.step for place in self.steep) else 1
+        panels = self.rule.panels * zones * sum(place.sides for place in self.steep)
+        graded = 0
+        if any(self.singular):
+            panels += (2 if self.steep else 1) * self.rule.straight - self.rule.panels * zones * bool(self.steep)
+            graded = self.rule.singular * (3 if self.steep else 1)
+        elif not self.steep:
+            panels = self.rule.straight
+        return self.rule.order * panels + graded
 
     def derivative(self) -> Integral:
         """The same for the derivative of the expression."""
@@ -68,14 +86,12 @@ class Integral:
 
 @dataclass(frozen=True)
 class Nodes:
-    """Places u with weights that hold phi(u), as columns; on a panel at a singular end also the distance from it."""
+    """Places u with weights that hold phi(u), as columns; if the stretch has a singular end, also the distance from it."""
 
     u: Number
     weight: Number
-    distance: Number | None = None  # from the singular end, in standard deviations
-    end: int = 0  # -1 at the lower end, 1 at the upper one
-    end_u: Number = 0.0
-    length: Number = 0.0
+    distance: Number | None = None  # from the singular end, in standard deviations; positive
+    length: Number | None = None  # of the panel, if it begins at the singular end
 
 
 @cache
@@ -104,40 +120,150 @@ def lay_out(
     xp : `numpy` or `casadi`.
     column : makes a column of constants, as `xp` wants it.
     """
-    nodes: list[Nodes] = []
-    start, end = low, high
-    share = SINGULAR_LENGTH if sum(part.singular) < 2 else SINGULAR_LENGTH / 2
-    if part.singular[0]:
-        start = xp.fmin(low + SINGULAR_LENGTH, low + (high - low) * share / SINGULAR_LENGTH)
-        nodes.append(_graded(low, start - low, -1, part.rule.singular, xp, column))
-    if part.singular[1]:
-        end = xp.fmax(high - SINGULAR_LENGTH, high - (high - low) * share / SINGULAR_LENGTH)
-        nodes.append(_graded(high, high - end, 1, part.rule.singular, xp, column))
-    t, w = (column(x) for x in _composite(part.rule))
-    if not steep:
-        u = start + (end - start) * t
-        nodes.append(Nodes(u, w * (end - start) * _density(u, xp)))
+    layout = _Layout(part, xp, column, mirrored=part.singular[1])
+    if part.singular[1]:  # the singular end comes first
+        low, high, steep = -high, -low, [(-centre, width) for centre, width in steep]
+    nodes = layout.split(low, high, steep) if steep else layout.smooth(low, high)
+    return [layout.finished(n, low) for n in nodes]
+
+
+@dataclass(frozen=True)
+class _Place:
+    """A steep place inside the stretch, and how both its sides are run through."""
+
+    centre: Number
+    width: Number  # of the place itself
+    scale: Number  # on which the sides are graded
+    over: Number  # where a step is over; far away for a pole
+
+
+@dataclass
+class _Layout:
+    """Lays out one stretch; the singular end, if there is one, is the lower one."""
+
+    part: Integral
+    xp: Any
+    column: Any
+    mirrored: bool
+
+    def __post_init__(self):
+        self.t, self.w = (self.column(x) for x in _composite(self.part.rule))
+        self.singular = any(self.part.singular)
+
+    def finished(self, nodes: Nodes, end: Number) -> Nodes:
+        """The nodes with their distance from a singular end, turned round if the stretch was."""
+        if not self.singular:
+            return nodes
+        distance = self.xp.fmax(nodes.u - end if nodes.distance is None else nodes.distance, TINY)
+        return replace(nodes, u=-nodes.u if self.mirrored else nodes.u, distance=distance)
+
+    def smooth(self, low: Number, high: Number) -> list[Nodes]:
+        """Panels of equal length, and a graded one at a singular end."""
+        if self.singular:
+            return self.from_end(low, high - low)
+        return [self.straight(low, high)]
+
+    def straight(self, low: Number, high: Number) -> Nodes:
+        """Panels of equal length, which may be as long as the whole stretch."""
+        t, w = (self.column(x) for x in _composite(replace(self.part.rule, panels=self.part.rule.straight)))
+        u = low + (high - low) * t
+        return Nodes(u, w * (high - low) * _density(u, self.xp))
+
+    def from_end(self, end: Number, length: Number) -> list[Nodes]:
+        """From a singular end inwards: a graded panel, then straight ones."""
+        first = self.xp.fmin(length, SINGULAR_LENGTH)
+        return [self.graded(end, 0.0, first), self.straight(end + first, end + length)]
+
+    def graded(self, end: Number, start: Number, stop: Number) -> Nodes:
+        """From start to stop away from a singular end, by u = end + t^4."""
+        t, w = (self.column(x) for x in legendre(self.part.rule.singular))
+        first, last = _fourth_root(start, self.xp), _fourth_root(stop, self.xp)
+        tau = first + (last - first) * t
+        distance = tau**SINGULAR_POWER
+        weight = SINGULAR_POWER * tau ** (SINGULAR_POWER - 1) * (last - first) * w
+        u = end + distance
+        at_end = isinstance(start, float) and start == 0
+        return Nodes(u, weight * _density(u, self.xp), distance, stop if at_end else None)
+
+    def split(self, low: Number, high: Number, steep: list[tuple[Number, Number]]) -> list[Nodes]:
+        """Both sides of every steep place, up to half the way to the next one."""
+        places = self.sorted_places(low, high, steep)
+        nodes: list[Nodes] = []
+        for i, place in enumerate(places):
+            before = places[i - 1] if i else None
+            after = places[i + 1] if i + 1 < len(places) else None
+            left = (before.centre + place.centre) / 2 if before else low
+            right = (place.centre + after.centre) / 2 if after else high
+            if i == 0 and self.singular:
+                left = (low + place.centre) / 2
+                nodes += self.from_end(low, left - low)
+                nodes += self.side(place, after, place.centre - left, -1)
+                nodes += self.away_from_end(low, place, right)
+            else:
+                nodes += self.side(place, after, place.centre - left, -1) if self.part.steep[0].left else []
+                nodes += self.side(place, before, right - place.centre, 1) if self.part.steep[0].right else []
         return nodes
-    places = _sorted([_projected(c, w0, start, end, xp) for c, w0 in steep], xp)
-    for i, (centre, width) in enumerate(places):
-        left = start if i == 0 else (places[i - 1][0] + centre) / 2
-        right = end if i == len(places) - 1 else (centre + places[i + 1][0]) / 2
-        for bound, sign, used in ((left, -1, part.steep[i].left), (right, 1, part.steep[i].right)):
-            if used:
-                nodes.append(_stretched(centre, width, sign * (bound - centre), sign, t, w, xp))
-    return nodes
+
+    def sorted_places(
+        self, low: Number, high: Number, steep: list[tuple[Number, Number]]
+    ) -> list[_Place]:
+        """The places in order, those outside moved to the nearest end."""
+        rows = []
+        for (centre, width), kind in zip(steep, self.part.steep, strict=True):
+            inside, wide = _projected(centre, width, low, high, self.xp)
+            scale, over = (WIDEST, STEP_REACH * wide) if kind.step else (wide, WIDEST)
+            rows.append((inside, wide, scale, over))
+        return [_Place(*row) for row in _sorted(rows, self.xp)]
+
+    def side(self, place: _Place, other: _Place | None, length: Number, sign: int) -> list[Nodes]:
+        """One side of a steep place; `other` is the next one on its other side."""
+        xp, scale, over = self.xp, place.scale, place.over
+        if other is not None:
+            far = xp.fabs(place.centre - other.centre)
+            scale = xp.fmin(scale, xp.sqrt(far**2 + other.scale**2))
+            rest = other.over - far
+            over = xp.fmin(over, xp.fmax(rest, 0) + (rest <= 0) * WIDEST)
+        if not any(kind.step for kind in self.part.steep):
+            return [self.stretched(place.centre, scale, 0.0, length, sign)]
+        over = xp.fmin(over, 0.45 * length)
+        return [
+            self.stretched(place.centre, scale, 0.0, over, sign),
+            self.stretched(place.centre, scale, over, length, sign),
+        ]
+
+    def stretched(self, centre: Number, width: Number, start: Number, end: Number, sign: int) -> Nodes:
+        """From start to end away from the centre, by u = c +- width sinh(tau)."""
+        xp = self.xp
+        first, last = _asinh(start / width, xp), _asinh(end / width, xp)
+        grow = xp.exp(first + (last - first) * self.t)
+        u = centre + sign * (width / 2) * (grow - 1 / grow)
+        weight = self.w * (last - first) * (width / 2) * (grow + 1 / grow) * _density(u, xp)
+        return Nodes(u, weight)
+
+    def away_from_end(self, end: Number, place: _Place, right: Number) -> list[Nodes]:
+        """The side of the first place that looks away from a singular end, perhaps a very near one."""
+        xp = self.xp
+        length = right - end
+        start = place.centre - end
+        over = start + xp.fmin(xp.fmin(place.over, SINGULAR_LENGTH), 0.45 * (length - start))
+        last = xp.fmin(xp.fmax(over, SINGULAR_LENGTH), length)
+        return [
+            self.graded(end, start, over),
+            self.graded(end, over, last),
+            self.straight(end + last, right),
+        ]
 
 
 def _density(u: Number, xp: Any) -> Number:
     return xp.exp(-u * u / 2) / ROOT_TWO_PI
 
 
-def _graded(end: Number, length: Number, side: int, order: int, xp: Any, column: Any) -> Nodes:
-    t, w = legendre(order)
-    distance = length * column(t**SINGULAR_POWER)
-    u = end - side * distance
-    weight = length * column(SINGULAR_POWER * t ** (SINGULAR_POWER - 1) * w) * _density(u, xp)
-    return Nodes(u, weight, distance, side, end, length)
+def _asinh(x: Number, xp: Any) -> Number:
+    return xp.log(x + xp.sqrt(x * x + 1))
+
+
+def _fourth_root(x: Number, xp: Any) -> Number:
+    return xp.sqrt(xp.sqrt(x + TINY)) if not isinstance(x, float) else x**0.25
 
 
 def _projected(centre: Number, width: Number, low: Number, high: Number, xp: Any) -> tuple[Number, Number]:
@@ -147,34 +273,36 @@ def _projected(centre: Number, width: Number, low: Number, high: Number, xp: Any
     return inside, xp.fmin(xp.sqrt(xp.fmin(width, WIDEST) ** 2 + far**2) + NARROWEST, WIDEST)
 
 
-def _sorted(places: list[tuple[Number, Number]], xp: Any) -> list[tuple[Number, Number]]:
-    """Sort by centre with compare-exchange steps, which work on symbols."""
+def _sorted(rows: list[tuple[Number, ...]], xp: Any) -> list[tuple[Number, ...]]:
+    """Sort by the first entries with compare-exchange steps, which work on symbols."""
     where = xp.if_else if hasattr(xp, "if_else") else xp.where
-    places = list(places)
-    for last in range(len(places) - 1, 0, -1):
+    rows = list(rows)
+    for last in range(len(rows) - 1, 0, -1):
         for i in range(last):
-            (a, u), (b, v) = places[i], places[i + 1]
-            swap = a > b
-            places[i] = where(swap, b, a), where(swap, v, u)
-            places[i + 1] = where(swap, a, b), where(swap, u, v)
-    return places
+            a, b = rows[i], rows[i + 1]
+            swap = a[0] > b[0]
+            rows[i] = tuple(where(swap, v, u) for u, v in zip(a, b, strict=True))
+            rows[i + 1] = tuple(where(swap, u, v) for u, v in zip(a, b, strict=True))
+    return rows
 
 
-def _stretched(centre: Number, width: Number, length: Number, sign: int, t: Number, w: Number, xp: Any) -> Nodes:
-    """From the centre outwards by u = c +- width sinh(tau)."""
-    ratio = length / width
-    top = xp.log(ratio + xp.sqrt(ratio * ratio + 1))
-    grow = xp.exp(top * t)
-    u = centre + sign * (width / 2) * (grow - 1 / grow)
-    weight = w * top * (width / 2) * (grow + 1 / grow) * _density(u, xp)
-    return Nodes(u, weight)
-
-
-def integral(cell: Cell, value: sp.Expr, z: sp.Symbol, where: str, sample: Sample) -> Integral:
+def integrals(cell: Cell, value: sp.Expr, z: sp.Symbol, where: str, wish: Wish) -> Iterator[Integral]:
     """Find the steep places and singular ends of a piece, and the order that its accuracy needs."""
     from cadet_sym.expectation.accuracy import chosen
 
-    singular = (singular_at(value, z, cell.lower), singular_at(value, z, cell.upper))
-    steep = tuple(steep_places(value, z, cell, singular))
-    part = Integral(cell.lower, cell.upper, cell.indicated(value), z, steep, singular)
-    return chosen(part, where, sample)
+    for lower, upper, singular in stretches(cell, value, z):
+        steep = tuple(steep_places(value, z, cell, singular))
+        part = Integral(lower, upper, cell.indicated(value), z, steep, singular)
+        yield chosen(part, where, wish)
+
+
+def stretches(
+    cell: Cell, value: sp.Expr, z: sp.Symbol
+) -> list[tuple[sp.Expr, sp.Expr, tuple[bool, bool]]]:
+    """A cell, or its two halves if the expression is singular at both ends."""
+    lower, upper = cell.lower, cell.upper
+    singular = singular_at(value, z, lower), singular_at(value, z, upper)
+    if not all(singular):
+        return [(lower, upper, singular)]
+    middle = (lower + upper) / 2
+    return [(lower, middle, (True, False)), (middle, upper, (False, True))]

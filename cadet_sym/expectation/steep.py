@@ -30,6 +30,7 @@ class Steep:
     width: sp.Expr
     left: bool = True
     right: bool = True
+    step: bool = False  # a smoothed kink instead of a pole
 
     @property
     def sides(self) -> int:

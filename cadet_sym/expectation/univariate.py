@@ -19,7 +19,7 @@ from cadet_sym.expectation.closed_form import (
 )
 from cadet_sym.expectation.existence import require_expectation
 from cadet_sym.expectation.pieces import Cell, Splitter
-from cadet_sym.expectation.quadrature import Integral, Sample, integral
+from cadet_sym.expectation.quadrature import Integral, Wish, integrals
 from cadet_sym.expectation.tables import Table, tables_in
 
 
@@ -51,13 +51,24 @@ class Univariate:
         return sum(part.nodes for part in self.integrals)
 
     @property
+    def is_singular(self) -> bool:
+        """Whether some derivative of a piece is infinite at its end."""
+        return any(any(part.singular) for part in self.integrals)
+
+    def kinks(self) -> tuple[sp.Expr, ...]:
+        """Where the function or a derivative of it jumps, tables apart."""
+        ends = (bound for part in self.integrals for bound in (part.lower, part.upper))
+        positions = (kink.position for kink in self.closed.kinks)
+        return tuple(dict.fromkeys(k for k in (*positions, *ends) if not k.is_infinite))
+
+    @property
     def is_piecewise_polynomial(self) -> bool:
         """Whether f is made of polynomials between kinks, tables apart."""
         terms = [t for part in (*self.closed.segments, *self.closed.kinks) for t in part.terms]
         return not self.tables and not self.integrals and all(t.is_polynomial for t in terms)
 
 
-def univariate(body: sp.Expr, z: sp.Symbol, where: str, sample: Sample) -> Univariate:
+def univariate(body: sp.Expr, z: sp.Symbol, where: str, wish: Wish) -> Univariate:
     """Cut a function of one variable at its kinks and find the expectation of every piece.
 
     Raises
@@ -67,7 +78,7 @@ def univariate(body: sp.Expr, z: sp.Symbol, where: str, sample: Sample) -> Univa
     """
     splitter = Splitter(z, where)
     tables, rest = tables_in(body, z)
-    known, integrals, cells = [], [], []
+    known, parts_left, cells = [], [], []
     for cell, value in splitter.terms(rest):
         require_expectation(value, cell, splitter)
         parts = decompose(value, z)
@@ -75,14 +86,14 @@ def univariate(body: sp.Expr, z: sp.Symbol, where: str, sample: Sample) -> Univa
             known.append((cell.lower, cell.upper, cell.condition, parts))
         else:
             cells.append((cell, value))
-            integrals.append(integral(cell, value, z, where, sample))
+            parts_left.extend(integrals(cell, value, z, where, wish))
     closed = piecewise_form(known)
     found = {kink.position: jumps_of(kink.terms) for kink in closed.kinks}
     for position, sizes in _jumps(cells, z).items():
         before = found.get(position, [sp.S.Zero] * JUMPS_KEPT)
         found[position] = [normal(a + b) for a, b in zip(before, sizes, strict=True)]
     jumps = (Jump(k, tuple(sizes)) for k, sizes in found.items() if any(size != 0 for size in sizes))
-    return Univariate(closed, tuple(jumps), tables, tuple(integrals))
+    return Univariate(closed, tuple(jumps), tables, tuple(parts_left))
 
 
 def _is_summable(parts: Iterable[tuple[sp.Expr, sp.Expr]], cell: Cell) -> bool:

@@ -8,7 +8,7 @@ import casadi as ca
 import sympy as sp
 
 from cadet_sym.expectation.describing import DescribingFunction
-from cadet_sym.lowering.gaussian import Gaussian
+from cadet_sym.lowering.joint import Joint
 
 
 @lru_cache(maxsize=512)
@@ -34,10 +34,7 @@ def expectation_and_gain(
     df: DescribingFunction, m: ca.SX, S: ca.SX, env: dict[sp.Symbol, ca.SX]
 ) -> tuple[ca.SX, ca.SX]:
     """E[f] and its gradient in the mean as expressions."""
-    (product,) = df.products
-    ((_, function),) = product.functions
-    gaussian = Gaussian(m[0], S[0], env)
-    return gaussian.expectation(function), gaussian.expectation(function, 1)
+    return Joint(m, S, env).expectation_and_gain(df)
 
 
 def _inputs(df: DescribingFunction, free: tuple[sp.Symbol, ...]) -> tuple[ca.SX, ca.SX, ca.SX, dict[sp.Symbol, ca.SX]]:

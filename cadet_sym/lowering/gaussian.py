@@ -18,9 +18,8 @@ from cadet_sym.lowering.special import clipped, density, hermite, magnitude, mil
 from cadet_sym.lowering.tables import table_moment
 
 # Added to the variance inside: far below what the variance of any state is resolved to, so that F and the gain are those
-# of the variance itself, and far above the square root of the smallest number, so that s^-4 (the fourth derivative at a
-# jump) is finite.
-FLOOR = 1e-150
+# of the variance itself, and so large that s^-5 is finite: derivatives at a jump go as powers of 1/s.
+FLOOR = 1e-120
 
 
 @dataclass
@@ -52,24 +51,46 @@ class Gaussian:
         real, imaginary = expr.as_real_imag()
         return Complex(self.value(real), self.value(imaginary))
 
-    def expectation(self, function: Univariate, order: int = 0) -> ca.SX:
-        """F_k = d^k E[f] / dm^k."""
-        form, integrals = function.closed, function.integrals
-        singular = any(any(part.singular) for part in integrals)
-        if singular and order > 1:
-            raise ValueError("beyond the gain, a function with a singular point is differentiated by CasADi")
+    def expectation(self, function: Univariate, order: int = 0, *, since: int = 0) -> ca.SX:
+        """F_k = d^k E[f] / dm^k, k = order; without the impulses that jumps of f^(j), j < since, leave in f^(k)."""
+        if order > 1 and function.is_singular:
+            return self._by_derivative(function, order)
+        form = function.closed
         for _ in range(order):
             form = form.derivative()
         total = self._piecewise(form)
         for jump in function.jumps:
             for j, size in enumerate(jump.sizes[:order]):
-                if size != 0:
+                if size != 0 and j >= since:
                     total += self.value(size) * self.impulse(jump.position, order - 1 - j)
         for table in function.tables:
             total += table_moment(table, self, order)
-        for part in integrals:
+        for part in function.integrals:
             total += self._integral(part, order)
         return total
+
+    def _by_derivative(self, function: Univariate, order: int) -> ca.SX:
+        """Beyond the gain, a function with a singular point is differentiated by CasADi."""
+        m, p = ca.SX.sym("m"), ca.SX.sym("p")
+        value = Gaussian(m, p, self.env).expectation(function, 1)
+        for _ in range(order - 1):
+            value = ca.jacobian(value, m)
+        return ca.substitute(value, ca.vertcat(m, p), ca.vertcat(self.m, self.p))
+
+    def inside(self, segment: Segment, value: ca.SX) -> ca.SX:
+        """The value if the mean lies in the segment, else zero."""
+        return self._chosen(segment, self.m, value)
+
+    def _chosen(self, segment: Segment, position: ca.SX, value: ca.SX) -> ca.SX:
+        if not segment.lower.is_infinite:
+            value = ca.if_else(position >= self.value(segment.lower), value, 0)
+        if not segment.upper.is_infinite:
+            value = ca.if_else(position < self.value(segment.upper), value, 0)
+        return value
+
+    def tail_moment(self, position: sp.Expr, n: int) -> ca.SX:
+        """E[(z - k)^n 1(z > k)] for a kink above the mean, else -E[(z - k)^n 1(z < k)]."""
+        return self._tail(Kink(position, ()), Term(sp.S.Zero, sp.S.Zero, (*[sp.S.Zero] * n, sp.S.One)))
 
     # -- closed form ----------------------------------------------------------------------------------------------
 
@@ -111,12 +132,7 @@ class Gaussian:
             if coefficient != 0:
                 total = total + self.complex_value(coefficient) * power
         value = (total * tilt.weight).real
-        position = tilt.mean.real + self.value(segment.centre)
-        if not segment.lower.is_infinite:
-            value = ca.if_else(position >= self.value(segment.lower), value, 0)
-        if not segment.upper.is_infinite:
-            value = ca.if_else(position < self.value(segment.upper), value, 0)
-        return value
+        return self._chosen(segment, tilt.mean.real + self.value(segment.centre), value)
 
     def _tail(self, kink: Kink, term: Term) -> ca.SX:
         """E of the change above a kink that lies above the mean, or less that below a kink below the mean."""
@@ -153,45 +169,62 @@ class Gaussian:
         return ca.fmin(ca.fmax((self.value(position) - self.m) / self.s, -REACH), REACH)
 
     def _integral(self, part: Integral, order: int) -> ca.SX:
-        if part.singular == (False, False):
-            for _ in range(order):
-                part = part.derivative()
-            order = 0
         low = ca.SX(-REACH) if part.lower.is_infinite else self.within(part.lower)
         high = ca.SX(REACH) if part.upper.is_infinite else ca.fmax(low, self.within(part.upper))
         steep = [((self.value(p.centre) - self.m) / self.s, self.value(p.width) / self.s) for p in part.steep]
-        total = ca.SX(0)
-        for nodes in lay_out(part, low, high, steep, ca, ca.DM):
-            if nodes.distance is not None:
-                total += self._singular(part, nodes, order)
-            else:
-                regular = part.derivative() if order else part
-                total += ca.dot(nodes.weight, self._at(regular.value, part.argument, self.m + self.s * nodes.u))
-        return total
+        nodes = lay_out(part, low, high, steep, ca, ca.DM)
+        if any(part.singular):
+            total = _SingularPart(self, part, order).total(nodes, low, high)
+        else:
+            for _ in range(order):
+                part = part.derivative()
+            parts = (ca.dot(n.weight, self.at(part.value, part.argument, self.m + self.s * n.u)) for n in nodes)
+            total = sum(parts, start=ca.SX(0))
+        return ca.if_else(high > low, total, 0)
 
-    def _at(self, expr: sp.Expr, symbol: sp.Symbol, points: ca.SX) -> ca.SX:
+    def at(self, expr: sp.Expr, symbol: sp.Symbol, points: ca.SX) -> ca.SX:
+        """An expression in a symbol at a column of points."""
         values = ca.SX(Lowering({**self.env, symbol: points}).convert(expr))
         return values if values.shape == points.shape else ca.repmat(values, *points.shape)
 
-    def _singular(self, part: Integral, nodes: Nodes, order: int) -> ca.SX:
-        """The panel at a singular end; its gain by parts where the end is within reach, for f' is infinite there."""
-        end = part.lower if nodes.end < 0 else part.upper
-        beyond = nodes.end * (self.m - self.value(end)) / self.s - REACH
-        gap = ca.if_else(beyond > 0, beyond, 0)
-        x = sp.Dummy("x", positive=True)
-        value = about_end(part.value, part.argument, end, nodes.end, x)
-        assert nodes.distance is not None
-        distances = self.s * (nodes.distance + gap)
-        if order == 0:
-            return ca.dot(nodes.weight, self._at(value, x, distances))
-        slope = -nodes.end * sp.diff(value, x)
-        plain = ca.dot(nodes.weight, self._at(slope, x, distances))
-        origin = value.subs(x, 0)
-        change = value - origin if origin.is_finite else value
-        inner = nodes.end_u - nodes.end * nodes.length
-        boundary = -nodes.end * self._at(change, x, self.s * (nodes.length + gap)) * density(inner)
-        parts = boundary + ca.dot(nodes.weight * nodes.u, self._at(change, x, distances))
-        return ca.if_else(beyond > 0, plain, parts / self.s)
+
+class _SingularPart:
+    """A piece with a singular end, taken in the distance from it, x = |z - k|, so that x^q is exact."""
+
+    def __init__(self, gaussian: Gaussian, part: Integral, order: int):
+        self.gaussian, self.order = gaussian, order
+        self.side = 1 if part.singular[1] else -1
+        end = part.upper if part.singular[1] else part.lower
+        self.x = sp.Dummy("x", positive=True)
+        self.value = about_end(part.value, part.argument, end, self.side, self.x)
+        self.gap = beyond_reach(gaussian, end, self.side)
+
+    def total(self, nodes: list[Nodes], low: ca.SX, high: ca.SX) -> ca.SX:
+        """E of the piece, or of its derivative."""
+        end = high if self.side > 0 else low
+        return sum((self._panel(n, end) for n in nodes), start=ca.SX(0))
+
+    def _panel(self, nodes: Nodes, end: ca.SX) -> ca.SX:
+        g = self.gaussian
+        distances = g.s * (nodes.distance + self.gap)
+        if self.order == 0:
+            return ca.dot(nodes.weight, g.at(self.value, self.x, distances))
+        slope = -self.side * sp.diff(self.value, self.x)
+        plain = ca.dot(nodes.weight, g.at(slope, self.x, distances))
+        if nodes.length is None:
+            return plain
+        # Where the end is within reach, by parts, for f' may be infinite there.
+        origin = self.value.subs(self.x, 0)
+        change = self.value - origin if origin.is_finite else self.value
+        boundary = g.at(change, self.x, g.s * nodes.length) * density(end - self.side * nodes.length)
+        inner = ca.dot(nodes.weight * nodes.u, g.at(change, self.x, distances))
+        return ca.if_else(self.gap > 0, plain, (inner - self.side * boundary) / g.s)
+
+
+def beyond_reach(gaussian: Gaussian, end: sp.Expr, side: int) -> ca.SX:
+    """How far an end is beyond reach; zero if it is within; `side` is 1 for an upper end, -1 for a lower one."""
+    beyond = side * (gaussian.value(end) - gaussian.m) / gaussian.s - REACH
+    return ca.if_else(beyond > 0, beyond, 0)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,108 @@
+"""E[f] as an integral over one argument of the expectation over the others."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import casadi as ca
+
+from cadet_sym.expectation.describing import DescribingFunction
+from cadet_sym.expectation.nested import Crossing, Nested, Slice
+from cadet_sym.expectation.quadrature import REACH, Nodes, lay_out
+from cadet_sym.lowering.bivariate import one_minus_square
+from cadet_sym.lowering.gaussian import Gaussian, beyond_reach
+
+if TYPE_CHECKING:
+    from cadet_sym.lowering.joint import Joint
+
+PARALLEL = 1e-100  # a kink of the others that does not move with the outer argument is crossed nowhere
+
+
+def nested_moments(nested: Nested, joint: Joint) -> tuple[ca.SX, dict[int, ca.SX]]:
+    """E[f], and its derivative in the mean of every argument."""
+    return _Conditioning(nested, joint).moments()
+
+
+class _Conditioning:
+    """The other arguments given the outer one: mean m_i + L_i u, covariance S_ij - L_i L_j, u = (z - m)/s."""
+
+    def __init__(self, nested: Nested, joint: Joint):
+        self.nested, self.joint = nested, joint
+        self.outer: Gaussian = joint.marginal(nested.outer)
+        self.symbol = nested.slices[0].part.argument
+        self.means = ca.vertcat(*(joint.m[i] for i in nested.others))
+        pairs = [joint.pair(nested.outer, i) for i in nested.others]
+        self.lean = [pair.rho * pair.y.s for pair in pairs]  # L_i
+        self.left = [pair.y.v * one_minus_square(pair.rho) for pair in pairs]
+        self.covariances = ca.vertcat(
+            *(
+                self.left[a] if a == b else joint.covariance(i, nested.others[b]) - self.lean[a] * self.lean[b]
+                for a, i in enumerate(nested.others)
+                for b in range(a + 1)
+            )
+        )
+
+    def moments(self) -> tuple[ca.SX, dict[int, ca.SX]]:
+        nested, outer = self.nested, self.outer
+        F, gains = ca.SX(0), {i: ca.SX(0) for i in (nested.outer, *nested.others)}
+        for piece in nested.slices:
+            low, high = self._ends(piece)
+            for nodes in self._nodes(piece, low, high):
+                z = self._points(piece, nodes)
+                value, inner = self._given(piece.inner, z, nodes.u)
+                slope, _ = self._given(piece.slope, z, nodes.u)
+                weight = ca.if_else(high > low, nodes.weight, 0)
+                F += ca.dot(weight, value.T)
+                gains[nested.outer] += ca.dot(weight, slope.T)
+                for a, i in enumerate(nested.others):
+                    gains[i] += ca.dot(weight, inner[a, :].T)
+        for step in nested.steps:
+            phi, u = outer.density(step.position)
+            value, _ = self._given(step.inner, outer.value(step.position), -u)
+            gains[nested.outer] += phi / outer.s * value
+        return F, gains
+
+    def _ends(self, piece: Slice) -> tuple[ca.SX, ca.SX]:
+        part, outer = piece.part, self.outer
+        low = ca.SX(-REACH) if part.lower.is_infinite else outer.within(part.lower)
+        high = ca.SX(REACH) if part.upper.is_infinite else ca.fmax(low, outer.within(part.upper))
+        return low, high
+
+    def _nodes(self, piece: Slice, low: ca.SX, high: ca.SX) -> list[Nodes]:
+        part, outer = piece.part, self.outer
+        crossings = self.nested.crossings
+        steep = [self._crossing(crossing) for crossing in crossings]
+        steep += [
+            ((outer.value(p.centre) - outer.m) / outer.s, outer.value(p.width) / outer.s)
+            for p in part.steep[len(crossings) :]
+        ]
+        return lay_out(part, low, high, steep, ca, ca.DM)
+
+    def _crossing(self, crossing: Crossing) -> tuple[ca.SX, ca.SX]:
+        """Where the mean of another argument, given the outer one, passes its kink, and over what width."""
+        a, outer = self.nested.others.index(crossing.argument), self.outer
+        slope = outer.value(crossing.slope)
+        speed = self.lean[a] - slope * outer.s
+        speed = ca.if_else(ca.fabs(speed) > PARALLEL, speed, PARALLEL)
+        distance = outer.value(crossing.start) + slope * outer.m - self.means[a]
+        return distance / speed, ca.sqrt(self.left[a]) / ca.fabs(speed)
+
+    def _points(self, piece: Slice, nodes: Nodes) -> ca.SX:
+        outer = self.outer
+        if nodes.distance is None:
+            return outer.m + outer.s * nodes.u
+        side = 1 if piece.part.singular[1] else -1
+        end = piece.part.upper if side > 0 else piece.part.lower
+        return outer.value(end) - side * outer.s * (nodes.distance + beyond_reach(outer, end, side))
+
+    def _given(self, df: DescribingFunction, z: ca.SX, u: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Expectation and gains at every point of a column."""
+        from cadet_sym.lowering.elements import element_function
+
+        free = tuple(sorted(df.body.free_symbols - set(df.arguments) - {self.symbol}, key=str))
+        function = element_function(df, (self.symbol, *free))
+        u, z = ca.SX(u).T, ca.SX(z).T
+        means = self.means + ca.mtimes(ca.vertcat(*self.lean), u)
+        parameters = ca.vertcat(*(self.outer.value(symbol) for symbol in free))
+        q = ca.vertcat(z, ca.repmat(parameters, 1, z.shape[1])) if free else z
+        return function(means, ca.repmat(self.covariances, 1, z.shape[1]), q)
