@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any, Literal, overload
 
 import casadi as ca
 import numpy as np
@@ -18,12 +19,17 @@ from cadet_sym.errors import ModelError
 from cadet_sym.language.model import Model
 from cadet_sym.language.modelfile import load
 from cadet_sym.linearise import linearise
-from cadet_sym.lowering.initial import filter_matrices, initial_moments
+from cadet_sym.lowering.initial import filter_matrices, initial_moments, vehicle_start
 from cadet_sym.lowering.system import LoweredSystem, lower
 from cadet_sym.moments import MomentEquations, moment_equations
-from cadet_sym.results import MomentHistory, Provenance
+from cadet_sym.results import MomentHistory, Provenance, StationaryMoments, StationarySolutions
 from cadet_sym.solve.breakpoints import find_breakpoints
+from cadet_sym.solve.freeze import Conditions, conditions, freeze
+from cadet_sym.solve.frozen import FrozenProblem
+from cadet_sym.solve.search import stationary_points
 from cadet_sym.solve.start import profile_mean
+from cadet_sym.solve.stationary import StationaryPoint, stationary_point
+from cadet_sym.solve.steady import steady_start
 from cadet_sym.solve.transient import Trajectory, integrate
 
 __all__ = ["CompiledModel", "compile"]
@@ -109,6 +115,8 @@ class CompiledModel:
             If the ground has no stationary state to start from, or the covariance is not positive semidefinite.
         """
         p = self.parameter_vector(parameters)
+        if self.model.initial.whole:
+            return steady_start(self.functions, p)
         system = self.equations.quasi_linear.system
         if system.copies and self.model.initial.ground == "stationary":
             self._refuse_drifting_ground(p)
@@ -126,8 +134,8 @@ class CompiledModel:
     def wheel_grid(self, y: Array | None = None, p: Array | None = None) -> tuple[tuple[int, int], float]:
         """The grid between the wheels that suits the gains at the moments y (default: the start), and its error.
 
-        The error is that of the discrete exponential over all gaps and the speeds of the run (see `choose_grid`); speeds
-        below a twentieth of the highest are left out, for there the ground hardly excites anything.
+        The error is that of the discrete exponential over all gaps and the speeds of the run (see `choose_grid`);
+        speeds below a twentieth of the highest are left out, for there the ground hardly excites anything.
         """
         p = self.parameter_vector() if p is None else p
         delay = self.equations.delay
@@ -197,6 +205,95 @@ class CompiledModel:
         )
         return self._history(trajectory, p)
 
+    def frozen(
+        self,
+        *,
+        speed: float | None = None,
+        at: float | None = None,
+        parameters: Mapping[str, float] | None = None,
+    ) -> FrozenProblem:
+        """The stationary moment equations in plain numbers, at one speed and one instant (see `stationary`)."""
+        return freeze(self.functions, conditions(self.functions, self.parameter_vector(parameters), speed, at))
+
+    @overload
+    def stationary(self, *, all: Literal[True], **held: Any) -> StationarySolutions: ...
+
+    @overload
+    def stationary(self, *, all: Literal[False] = False, **held: Any) -> StationaryMoments: ...
+
+    def stationary(
+        self,
+        *,
+        speed: float | None = None,
+        at: float | None = None,
+        all: bool = False,
+        parameters: Mapping[str, float] | None = None,
+    ) -> StationaryMoments | StationarySolutions:
+        """Find moments that stay as they are: E[f] = 0 and N P + P N^T + D = 0.
+
+        Parameters
+        ----------
+        speed : speed held constant; by default that of the model at the start.
+        at : instant at which an explicit dependence on t is frozen.
+        all : look for all solutions, stable ones first, instead of one (a stable one if there is one).
+        parameters : values in place of the declared ones.
+
+        Raises
+        ------
+        ModelError
+            If nothing is stationary about the model: it stands still, or depends on t explicitly and no `at` is given.
+        SolverError
+            If no solution was found: what was tried, the best residual, and the eigenvalue to blame.
+        """
+        p = self.parameter_vector(parameters)
+        held = conditions(self.functions, p, speed, at)
+        problem = freeze(self.functions, held)
+        offset = np.asarray(vehicle_start(self.functions)(p)[0]).ravel()
+        start = np.concatenate([offset, np.zeros(problem.n - len(offset))])
+        rest = (start, np.zeros((problem.n, problem.n)))
+        points = stationary_points(problem, rest) if all else (stationary_point(problem, rest),)
+        found = tuple(self._fixed_point(point, held) for point in points)
+        return StationarySolutions(found) if all else found[0]
+
+    def _fixed_point(self, point: StationaryPoint, held: Conditions) -> StationaryMoments:
+        """Name the moments of a stationary point; what drifts has none."""
+        y = self.equations.packing.pack(point.mean, point.covariance)
+        pair = self.functions.outputs_at(y, held.context, held.p)
+        mean, variance = (np.asarray(part).ravel() for part in pair)
+        rows = self.functions.output_rows(held.context, held.p)
+        rows = rows if isinstance(rows, tuple | list) else (rows,)[: len(self.outputs)]
+        loose = np.array([_sees(np.asarray(row), point.drift) for row in rows], dtype=bool)
+        mean[loose] = variance[loose] = np.nan
+        state_mean, covariance = point.mean.copy(), point.covariance.copy()
+        state_mean[point.drifting] = np.nan
+        covariance[point.drifting, :] = covariance[:, point.drifting] = np.nan
+        names = (*self.states, *self.outputs)
+        return StationaryMoments(
+            model=self.model.name,
+            states=self.states,
+            outputs=self.outputs,
+            state_mean=state_mean,
+            state_covariance=covariance,
+            output_mean=mean,
+            output_variance=variance,
+            stable=point.stable,
+            residual=point.residual,
+            eigenvalues=point.eigenvalues,
+            drifting=tuple(n for n, d in zip(names, (*point.drifting, *loose), strict=True) if d),
+            path=point.path,
+            provenance=self._provenance(f"exact Newton ({point.path[-1]})", 0.0, {}, held.p),
+        )
+
+    def _provenance(self, engine: str, rtol: float, statistics: Mapping[str, float], p: Array) -> Provenance:
+        return Provenance(
+            engine=engine,
+            rtol=rtol,
+            statistics=statistics,
+            parameters=dict(zip(self.parameters, p.tolist(), strict=True)),
+            model_hash=self.model.hash,
+            version=version("cadet-sym"),
+        )
+
     def _history(self, trajectory: Trajectory, p: Array) -> MomentHistory:
         mean, covariance = self.equations.packing.unpack(trajectory.y)
         k = len(trajectory.time)
@@ -216,12 +313,13 @@ class CompiledModel:
             state_covariance=covariance,
             output_mean=output_mean,
             output_variance=output_variance,
-            provenance=Provenance(
-                engine=trajectory.engine,
-                rtol=trajectory.rtol,
-                statistics=trajectory.statistics,
-                parameters=dict(zip(self.parameters, p.tolist(), strict=True)),
-                model_hash=self.model.hash,
-                version=version("cadet-sym"),
-            ),
+            provenance=self._provenance(trajectory.engine, trajectory.rtol, trajectory.statistics, p),
         )
+
+
+def _sees(rows: Array, drift: Array) -> bool:
+    """Whether linear forms of the state have a part in a drifting direction."""
+    if not drift.size:
+        return False
+    parts = np.abs(rows @ drift).max(initial=0.0)
+    return bool(parts > 1e-9 * np.abs(rows).max(initial=1e-300))

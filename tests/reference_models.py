@@ -112,3 +112,85 @@ duration = 1.0
 
 def quarter_car(p: Mapping[str, Any], *, V: float, gd: float, cutoff: str = "") -> Model:
     return toml(QUARTER_CAR.format(V=V, gd=gd, cutoff=cutoff, **p))
+
+
+def bouc_wen(p: Mapping[str, Any]) -> Model:
+    """x'' + 2 zeta x' + alpha x + (1 - alpha) z = w with Bouc and Wen's hysteresis."""
+    return toml(
+        f"""
+        name = "Bouc-Wen"
+        [rates]
+        x = "v"
+        v = "-2*{p["zeta"]}*v - {p["alpha"]}*x - (1 - {p["alpha"]})*z + w"
+        z = "{p["A"]}*v - {p["beta"]}*abs(v)*abs(z)**{p["n"] - 1}*z - {p["gamma"]}*v*abs(z)**{p["n"]}"
+        [noise]
+        w = {p["Q"]}
+        [run]
+        duration = 50.0
+        """
+    )
+
+
+HALF_CAR = """
+name = "half car"
+[parameters]
+M = 690
+J = 1222
+a1 = 1.25
+a2 = 1.51
+k1 = 17000
+k2 = 22000
+c1 = {c}
+c2 = {c}
+m1 = 40.5
+m2 = 45.4
+kt = 192000
+gam = {gam}
+r = 0.25
+[elements.damper]
+arguments = ["z"]
+value = "z**2 if z > 0 else -r*z**2"
+[rates]
+zb = "vb"
+th = "q"
+z1 = "v1"
+z2 = "v2"
+vb = "-({front} + {rear})/M"
+q = "-(a2*({rear}) - a1*({front}))/J"
+v1 = "({front} - kt*(z1 - u1))/m1"
+v2 = "({rear} - kt*(z2 - u2))/m2"
+[contacts]
+u1 = {{}}
+u2 = {{ setback = "a1 + a2" }}
+[ground]
+kind = "exponential"
+sigma = {sigma}
+cutoff = 0.1
+rolling_contact = 8
+[travel]
+speed = "{speed}"
+[initial]
+{initial}
+[outputs]
+stroke0 = "zb - a1*th - z1"
+strokev0 = "vb - a1*q - v1"
+stroke1 = "zb + a2*th - z2"
+strokev1 = "vb + a2*q - v2"
+heave_v = "vb"
+pitch_v = "q"
+tyre0 = "z1 - u1"
+tyre1 = "z2 - u2"
+[run]
+duration = {duration}
+"""
+
+
+def half_car(initial: str = "", *, speed: str = "10", c: float = 1500, gam: float = 0, duration: float = 5.0) -> Model:
+    """Half car of reference W1: two wheels on one track."""
+    front = "k1*(zb - a1*th - z1) + c1*(vb - a1*q - v1)"
+    rear = "k2*(zb + a2*th - z2) + c2*(vb + a2*q - v2)"
+    if gam:
+        front += " + gam*damper(vb - a1*q - v1)"
+        rear += " + gam*damper(vb + a2*q - v2)"
+    sigma = float((5.0532374533577515e-05 / 0.2) ** 0.5)
+    return toml(HALF_CAR.format(**locals()))

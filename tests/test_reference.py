@@ -1,10 +1,11 @@
-"""The reference cases of kind i, transients: what Gaussian statistical linearisation must give, computed elsewhere."""
+"""The reference cases of kind i: what Gaussian statistical linearisation must give, computed elsewhere."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from reference_models import oleo, oscillator, params, toml, value
+import sympy as sp
+from reference_models import bouc_wen, half_car, oleo, oscillator, params, quarter_car, toml, value
 
 import cadet_sym as cs
 
@@ -119,21 +120,163 @@ def test_a_cubic_relaxation_from_rest():
 @pytest.mark.parametrize("number", range(len(value("R36"))))
 def test_bouc_wen_hysteresis_from_rest(number):
     expected = value("R36")[number]
-    p = expected["par"]
-    model = toml(
-        f"""
-        name = "Bouc-Wen"
-        [rates]
-        x = "v"
-        v = "-2*{p["zeta"]}*v - {p["alpha"]}*x - (1 - {p["alpha"]})*z + w"
-        z = "{p["A"]}*v - {p["beta"]}*abs(v)*abs(z)**{p["n"] - 1}*z - {p["gamma"]}*v*abs(z)**{p["n"]}"
-        [noise]
-        w = {p["Q"]}
-        [run]
-        duration = 50.0
-        """
-    )
-    history = propagate(model, expected["t"])
+    history = propagate(bouc_wen(expected["par"]), expected["t"])
     pairs = [("x", "x"), ("x", "v"), ("x", "z"), ("v", "v"), ("v", "z"), ("z", "z")]
     got = np.column_stack([history.covariance[pair] for pair in pairs])
     np.testing.assert_allclose(got, expected["Y"], rtol=1e-7, atol=1e-9)
+
+
+def stationary(model: cs.Model, **held: object) -> cs.StationaryMoments:
+    found = cs.compile(model).stationary(**held)
+    assert found.stable
+    assert found.residual < 1e-9
+    return found
+
+
+def close(got: object, expected: object, rtol: float = 1e-9, atol: float = 1e-12) -> None:
+    np.testing.assert_allclose(np.asarray(got, dtype=float), np.asarray(expected, dtype=float), rtol=rtol, atol=atol)
+
+
+@pytest.mark.parametrize("key", value("R44"))
+def test_the_undercarriage_settles_to_the_reference(key):
+    expected = value("R44")[key]
+    r, zeta = (float(part.lstrip("rzeta")) for part in key.split("_"))
+    found = stationary(oleo("R41C").with_parameters({"r": r, "zeta": zeta}))
+    close(found.mean["x"], expected["mean_x"], 1e-8)
+    for name, pair in {
+        "var_x": ("x", "x"),
+        "var_v": ("v", "v"),
+        "cov_xh": ("x", "h.height"),
+        "cov_vh": ("v", "h.height"),
+        "cov_xhp": ("x", "h.slope"),
+        "cov_vhp": ("v", "h.slope"),
+    }.items():
+        close(found.covariance[pair], expected[name], 1e-8)
+
+
+@pytest.mark.parametrize("row", value("R20"), ids=lambda row: row["eps"])
+def test_a_duffing_oscillator_settles(row):
+    found = stationary(oscillator(f"-0.1*v - x - {row['eps']}*x**3", Q=0.2))
+    close([found.variance["x"], found.variance["v"]], [row["var_x"], row["var_v"]])
+
+
+@pytest.mark.parametrize("row", value("R24"), ids=lambda row: row["b"])
+def test_a_duffing_oscillator_under_a_constant_load_settles(row):
+    found = stationary(oscillator(f"-0.2*v - x - 0.5*x**3 + {row['b']}", Q=0.4))
+    close([found.mean["x"], found.variance["x"], found.variance["v"]], [row["mean"], row["var"], 1.0])
+
+
+def test_quadratic_damping_settles():
+    expected = value("R25")
+    found = stationary(oscillator("-0.3*abs(v)*v - 4*x", Q=0.5))
+    close([found.variance["v"], found.variance["x"]], [expected["var_v"], expected["var_x"]])
+    close(stationary(oscillator("-0.3*abs(v)*v", Q=0.5, scalar=True)).variance["v"], expected["scalar_var"])
+
+
+def test_coulomb_damping_settles():
+    expected = value("R27")
+    for letter, restoring in (("a", "-0.5*sign(v) - 4*x"), ("b", "-0.5*sign(v) - 4*x - 0.2*v")):
+        found = stationary(oscillator(restoring, Q=0.4))
+        close([found.variance["v"], found.variance["x"]], [expected[f"{letter}_var_v"], expected[f"{letter}_var_x"]])
+    close(stationary(oscillator("-0.5*sign(v)", Q=0.4, scalar=True)).variance["v"], expected["c_var"])
+
+
+def test_van_der_pol_oscillators_settle():
+    expected = value("R28")
+    for letter, restoring in (("a", "0.5*(1 - x**2)*v - x"), ("b", "0.5*(1 - x**2 - v**2)*v - x")):
+        found = stationary(oscillator(restoring, Q=0.3))
+        close([found.variance["x"], found.variance["v"]], [expected[letter]] * 2)
+
+
+@pytest.mark.parametrize("row", value("R30"), ids=lambda row: row["Q"])
+def test_all_solutions_of_a_bistable_system_are_found(row):
+    found = cs.compile(oscillator("v - v**3", Q=row["Q"], scalar=True)).stationary(all=True)
+    assert [each.stable for each in found] == sorted((each.stable for each in found), reverse=True)
+    got = sorted((float(s.mean["v"]), float(s.variance["v"]), s.stable) for s in found)
+    expected = sorted(
+        (sign * float(s["mean"]), float(s["var"]), s["stable"])
+        for s in row["solutions"]
+        for sign in ((1, -1) if float(s["mean"]) else (1,))
+    )
+    assert [s[2] for s in got] == [s[2] for s in expected]
+    close([s[:2] for s in got], [s[:2] for s in expected], 1e-8, 1e-10)
+
+
+def test_saturating_springs_settle():
+    expected = value("R31")
+    close(stationary(oscillator("-0.2*v - sqrt(pi/2)*erf(x/sqrt(2))", Q=0.4)).variance["x"], expected["a"])
+    close(stationary(oscillator("-0.2*v - tanh(x)", Q=0.4)).variance["x"], expected["b"])
+
+
+def test_a_cubic_relaxation_settles():
+    found = stationary(oscillator("-v**3", Q=0.5, scalar=True))
+    close(found.variance["v"], value("R32")["sl_var"], 1e-8)
+
+
+def test_a_chain_of_two_masses_settles():
+    expected = value("R35")
+    model = toml(
+        """
+        name = "chain"
+        [rates]
+        x1 = "v1"
+        v1 = "-0.1*v1 - x1 - 0.5*x1**3 + 2*(x2 - x1) + (x2 - x1)**3 + w1"
+        x2 = "v2"
+        v2 = "-0.1*v2 - 2*(x2 - x1) - (x2 - x1)**3 + w2"
+        [noise]
+        w1 = 0.2
+        w2 = 0.2
+        [run]
+        duration = 1.0
+        """
+    )
+    found = stationary(model)
+    close(found.covariance["x1", "x1"], expected["P11"])
+    close(found.covariance["x1", "x2"], expected["P12"])
+    close(found.covariance["x2", "x2"], expected["P22"])
+
+
+@pytest.mark.parametrize("row", value("R36"), ids=lambda row: f"n{row['par']['n']}a{row['par']['alpha']:.2f}")
+def test_bouc_wen_hysteresis_settles(row):
+    found = stationary(bouc_wen(row["par"]))
+    pairs = [("x", "x"), ("x", "v"), ("x", "z"), ("v", "v"), ("v", "z"), ("z", "z")]
+    close([found.covariance[pair] for pair in pairs], row["stationary"], 1e-8, 1e-9)
+
+
+@pytest.mark.parametrize("name", value("R12")["values"])
+def test_closure_and_acceleration_of_a_quarter_car_on_an_integrated_road(name):
+    expected = value("R12")["values"][name]
+    p = {key: float(sp.Rational(number)) for key, number in expected["params"].items()}
+    found = stationary(quarter_car(p, V=20, gd=256e-6, cutoff='[initial]\nground = "smooth"'))
+    assert {"zs", "zu", "h.height"} <= set(found.drifting)
+    assert np.isnan(found.variance["zs"])
+    for output, key in {"stroke": "var_stroke", "tyre": "var_tyre", "acc": "var_acc", "vs": "var_vs"}.items():
+        close(found.variance[output], expected[key])
+
+
+def test_a_quarter_car_on_a_road_with_a_cut_off():
+    expected, p = value("R14"), params("R14")
+    car = {key: p[key] for key in ("ms", "mu", "ks", "cs", "kt")}
+    found = stationary(quarter_car(car, V=20, gd=256e-6, cutoff=f"cutoff = {2 * np.pi * p['n00']!r}"))
+    for name, key in {
+        "stroke": "stroke",
+        "tyre": "tyre",
+        "acc": "acc",
+        "zs": "zs",
+        "h.height": "road_var",
+    }.items():
+        close(found.variance[name], expected[key], 1e-8)
+
+
+@pytest.mark.parametrize("speed", [1, 3, 10, 20, 40])
+def test_a_half_car_with_exactly_delayed_ground(speed):
+    found = stationary(half_car(), speed=float(speed))
+    for name, expected in value("W1")[f"halfcar V={speed}"].items():
+        close(found.variance[name], expected)
+
+
+def test_a_start_in_the_stationary_state_stays_there():
+    expected = value("W1")["halfcar V=10"]
+    history = propagate(half_car('whole = "stationary"'), [0.0, 0.5, 2.0], rtol=1e-9)
+    for name in expected:
+        np.testing.assert_allclose(history.variance[name], expected[name], rtol=1e-6)
