@@ -15,9 +15,9 @@ import numpy as np
 from numba import types
 
 from cadet_sym.simulate.curves import PIECE
-from cadet_sym.simulate.tables import GroundTables, OutputTables, StartTables, StepTables
 from cadet_sym.simulate.program import LANES
 from cadet_sym.simulate.streams import BASE, GOLDEN, HEIGHT, MIX, TAIL, WIDTH, Streams, start_values
+from cadet_sym.simulate.tables import GroundTables, OutputTables, StartTables, StepTables
 
 __all__ = ["compile_program", "run_paths"]
 
@@ -212,9 +212,7 @@ def _run(advance, record, fill, g, map_, fine, coarse, out, state, gamma, behind
                 stop = min(n1, out.node[k]) if k < out.node.shape[0] else n1
                 advance(X, G, 1, i - n0, i, stop, fine.S, fine.E, fine.K, fine.H, fine.q, fine.T)
                 if paired:
-                    advance(
-                        Y, G, 2, i - n0, i // 2, stop // 2, coarse.S, coarse.E, coarse.K, coarse.H, fine.q, fine.T
-                    )
+                    advance(Y, G, 2, i - n0, i // 2, stop // 2, coarse.S, coarse.E, coarse.K, coarse.H, fine.q, fine.T)
                 i = stop
 
 
@@ -231,9 +229,7 @@ def _compiled() -> tuple[Any, Any]:
     streams, whole = types.Array(types.uint64, 2, "C"), types.Array(_INT, 1, "C")
     filling = types.void(ground, _INT, _INT, _VECTOR, _VECTOR, whole, _VECTOR, streams, streams)
     calls = (types.FunctionType(s) for s in (ADVANCE, RECORD, filling))
-    running = types.void(
-        *calls, ground, _TABLE, steps, steps, out, streams, streams, _BOX, _TABLE, _BOX, _BOX
-    )
+    running = types.void(*calls, ground, _TABLE, steps, steps, out, streams, streams, _BOX, _TABLE, _BOX, _BOX)
     return _jit(_run, running), _jit(_fill, filling)
 
 

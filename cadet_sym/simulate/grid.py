@@ -38,6 +38,7 @@ class Motion:
             self._reached[1:] = np.cumsum(self._travelled(self._nodes[:-1], self._nodes[1:]))
 
     def speed(self, time: Any) -> np.ndarray:
+        """V(t)."""
         return self._of(self._system.speed, time)
 
     def rate(self, time: Any) -> np.ndarray:
@@ -58,11 +59,11 @@ class Motion:
     def times_at(self, places: Sequence[float]) -> np.ndarray:
         """When the leading wheel passes places inside the run (bisection; the distance never falls)."""
         first, last = self.distance(self._nodes[[0, -1]])
-        places = _inside(places, first, last)
-        low, high = np.zeros(len(places)), np.full(len(places), self._nodes[-1])
+        wanted = _inside(places, first, last)
+        low, high = np.zeros(len(wanted)), np.full(len(wanted), self._nodes[-1])
         for _ in range(80):
             middle = 0.5 * (low + high)
-            behind = self.distance(middle) < places
+            behind = self.distance(middle) < wanted
             low, high = np.where(behind, middle, low), np.where(behind, high, middle)
         return high
 
@@ -90,9 +91,9 @@ class Motion:
         return half * np.tensordot(self.speed(middle[..., None] + half[..., None] * nodes), weights, 1)
 
 
-def _inside(places: Sequence[float], first: float, last: float) -> np.ndarray:
-    places = np.unique(np.asarray(places, dtype=float))
-    return places[(places > first) & (places < last)]
+def _inside(places: Any, first: float, last: float) -> np.ndarray:
+    found = np.unique(np.asarray(places, dtype=float))
+    return found[(found > first) & (found < last)]
 
 
 @dataclass(frozen=True)
@@ -106,6 +107,7 @@ class Grid:
 
     @property
     def step(self) -> np.ndarray:
+        """Duration of every step, (N,)."""
         return np.diff(self.time)
 
     def halved(self) -> Grid:
@@ -131,9 +133,7 @@ class Grid:
         }
 
 
-def make_grid(
-    motion: Motion, output: np.ndarray, step: float, kinks: np.ndarray, run_in: float = 0.0
-) -> Grid:
+def make_grid(motion: Motion, output: np.ndarray, step: float, kinks: np.ndarray, run_in: float = 0.0) -> Grid:
     """Divide the time between outputs and breakpoints evenly into steps no longer than `step`.
 
     Parameters
@@ -148,8 +148,8 @@ def make_grid(
     inner = inner[np.abs(inner[:, None] - output).min(axis=1) > gap] if len(inner) else inner
     fixed = np.unique(np.concatenate([[-run_in, 0.0], output, inner]))
     counts = np.maximum(1, np.ceil(np.diff(fixed) / step - 1e-9)).astype(int)
-    time = np.concatenate([fixed[:1], *(a + (b - a) * np.arange(1, n + 1) / n for a, b, n in zip(fixed[:-1], fixed[1:], counts, strict=True))])
+    parts = (np.linspace(a, b, n + 1)[1:] for a, b, n in zip(fixed[:-1], fixed[1:], counts, strict=True))
+    time = np.concatenate([fixed[:1], *parts])
     ends = np.concatenate([[0], np.cumsum(counts)])
-    time[ends] = fixed
     motion.check(np.maximum(time, 0.0))
     return Grid(time, motion.distance(time), ends[np.searchsorted(fixed, output)], motion)

@@ -28,6 +28,7 @@ __all__ = ["covariance_factor", "exact_law", "ground_tables", "stationary_covari
 
 _TERMS = 18  # of the Taylor series of a scaled step
 _SCALE = 0.25  # norm of the scaled step
+_FORGOTTEN, _LOOK_BACK = 40.0, 4001  # lengths of the slowest mode that are looked back on, and places on them
 
 
 def exact_law(A: np.ndarray, G: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -67,7 +68,7 @@ def exact_law(A: np.ndarray, G: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, 
 
 
 def covariance_factor(sigma: np.ndarray) -> np.ndarray:
-    """Lower L with L L^T = sigma, (..., n, n), for positive semidefinite sigma: a pivot lost in rounding counts as zero."""
+    """Lower L, (..., n, n), with L L^T = sigma positive semidefinite: a pivot lost in rounding counts as zero."""
     n = sigma.shape[-1]
     L = np.zeros(sigma.shape)
     for j in range(n):
@@ -76,7 +77,8 @@ def covariance_factor(sigma: np.ndarray) -> np.ndarray:
         pivot = np.where(pivot > 1e-14 * sigma[..., j, j], pivot, 0.0)
         L[..., j, j] = np.sqrt(pivot)
         with np.errstate(divide="ignore", invalid="ignore"):
-            column = (sigma[..., j + 1 :, j] - np.einsum("...ik,...k->...i", L[..., j + 1 :, :j], left)) / L[..., j, j, None]
+            below = sigma[..., j + 1 :, j] - np.einsum("...ik,...k->...i", L[..., j + 1 :, :j], left)
+            column = below / L[..., j, j, None]
         L[..., j + 1 :, j] = np.where(pivot[..., None] > 0.0, column, 0.0)
     return L
 
@@ -87,7 +89,7 @@ def stationary_covariance(C: np.ndarray, G: np.ndarray) -> np.ndarray:
 
     if np.linalg.eigvals(C).real.max(initial=-1.0) >= 0.0:
         raise ModelError(
-            "this ground has no stationary height, so no path can start on it; start with `ground = \"smooth\"` or "
+            'this ground has no stationary height, so no path can start on it; start with `ground = "smooth"` or '
             "give the road a `cutoff`"
         )
     P = solve_continuous_lyapunov(C, -G)
@@ -116,9 +118,7 @@ class _Filter:
         return np.stack(entries, axis=-1).reshape(*places.shape, *matrix.shape)
 
 
-def ground_tables(
-    system: AugmentedSystem, values: Mapping[sp.Symbol, float], grid: Grid, noises: int
-) -> GroundTables:
+def ground_tables(system: AugmentedSystem, values: Mapping[sp.Symbol, float], grid: Grid, noises: int) -> GroundTables:
     """Work out the chains of all tracks and where each wheel stands in them; `noises` counts those in time."""
     nf = len(system.states) - system.vehicle_size
     common = {"width": nf + noises, "noises": noises, "root_step": np.sqrt(grid.step)}
@@ -214,27 +214,48 @@ def _starts(counts) -> np.ndarray:
     return np.concatenate([[0], np.cumsum(list(counts))])[:-1].astype(np.int64)
 
 
-def _mean(
-    system: AugmentedSystem, values: Mapping[sp.Symbol, float], grid: Grid, setbacks: Sequence[float]
-) -> dict:
-    """What the ground's own forcing adds to the filter states of each wheel, from zero at the start.
+def _mean(system: AugmentedSystem, values: Mapping[sp.Symbol, float], grid: Grid, setbacks: Sequence[float]) -> dict:
+    """What the ground's deterministic part adds to the filter states of each wheel: m' = C m + offset in distance.
 
-    m' = C m + offset in distance, each step by exp(C d) and two Gauss points for the forcing.
+    It begins at rest on a smooth start; else with what the ground behind the wheel has brought about.
     """
     if all(copy.filter.offset.is_zero_matrix for copy in system.copies):
         return {"has_mean": False, "mean": np.zeros((0, 0, 0))}
-    r = len(system.copies[0].filter.states)
-    mean = np.zeros((len(system.copies), len(grid.time), r))
+    smooth = system.model.initial.ground == "smooth"
+    ground = system.model.ground
+    edges = [] if ground is None else [float(evaluate(b, values)) for b in ground.breakpoints]
+    mean = np.zeros((len(system.copies), len(grid.time), len(system.copies[0].filter.states)))
     for c, copy in enumerate(system.copies):
         road = _Filter(copy, values)
         under = np.where(grid.time < 0.0, grid.motion.start, grid.place) - setbacks[c]
-        d, middle = np.diff(under), 0.5 * (under[:-1] + under[1:])
-        A, G = road.matrices(middle)
-        phi, _ = exact_law(A, G, d)
-        push = np.zeros((len(d), r))
-        for gauss in (-1.0, 1.0):
-            at = 0.5 * d * (1.0 + gauss / np.sqrt(3.0))
-            push += 0.5 * d[:, None] * np.einsum("kab,kb->ka", exact_law(A, G, d - at)[0], road.forcing(under[:-1] + at))
-        for i in range(len(d)):
-            mean[c, i + 1] = phi[i] @ mean[c, i] + push[i]
+        begin = np.zeros(mean.shape[2]) if smooth else _behind(road, under[0], edges)
+        mean[c] = _forced(road, under, begin)
     return {"has_mean": True, "mean": mean}
+
+
+def _behind(road: _Filter, here: float, edges: Sequence[float]) -> np.ndarray:
+    """Filter state at a place from all the deterministic ground behind it."""
+    C, _ = road.matrices(np.array([here]))
+    slowest = -np.linalg.eigvals(C[0]).real.max()
+    if slowest <= 1e-12 * np.abs(C).max():
+        return np.zeros(C.shape[-1])
+    far = here - _FORGOTTEN / slowest
+    places = np.union1d(np.linspace(far, here, _LOOK_BACK), [e for e in edges if far < e < here])
+    return _forced(road, places, np.linalg.solve(C[0], -road.forcing(places[:1])[0]))[-1]
+
+
+def _forced(road: _Filter, places: np.ndarray, begin: np.ndarray) -> np.ndarray:
+    """Filter states along places: every step by exp(C d), two Gauss points for what is added within it."""
+    d, middle = np.diff(places), 0.5 * (places[:-1] + places[1:])
+    A, G = road.matrices(middle)
+    phi, _ = exact_law(A, G, d)
+    push = np.zeros((len(d), len(begin)))
+    for gauss in (-1.0, 1.0):
+        at = 0.5 * d * (1.0 + gauss / np.sqrt(3.0))
+        onward, _ = exact_law(A, G, d - at)
+        push += 0.5 * d[:, None] * np.einsum("kab,kb->ka", onward, road.forcing(places[:-1] + at))
+    states = np.empty((len(places), len(begin)))
+    states[0] = begin
+    for i in range(len(d)):
+        states[i + 1] = phi[i] @ states[i] + push[i]
+    return states

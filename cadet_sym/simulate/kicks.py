@@ -1,13 +1,13 @@
-"""White noise of the ground in a vehicle's rate, written as the increments of what the ground does.
+"""Derivatives of the ground height in the vehicle's rates, written as the increments of what the ground does.
 
-Let y(s) be the highest derivative of the height along the ground that has a finite variance: y = rho xi with
-rho D = 0 for all before it, so that dy = (rho' + rho C) xi ds + rho o ds + rho D dW. A rate that asks for one
-derivative more holds
+Let y(s) = u^(k-1) be a derivative of the height along the ground that has a finite variance, y = rho xi, so that
 
-    kappa V (rho' + rho C) xi + kappa V rho o   in its drift,      kappa rho D   in its noise input,
+    dy = (rho' + rho C) xi ds + rho o ds + rho D dW.
 
-which together are kappa dy. Drift and noise nearly cancel when the ground's own modes pass quickly, and a step that
-adds them up separately leaves a false white noise behind; the increment of y is known exactly.
+A rate that holds c der(u, k) = c V^k u^(k) + ... therefore holds kappa dy with kappa = c V^(k-1): in its drift
+kappa V ((rho' + rho C) xi + rho o), in its noise input kappa rho D. Where the ground's own modes pass quickly the drift
+is rough, and where white noise enters, drift and noise nearly cancel; a step that adds them up from its two ends leaves
+a false noise behind. The increment of y is known exactly.
 """
 
 from __future__ import annotations
@@ -17,8 +17,7 @@ from dataclasses import dataclass
 import sympy as sp
 
 from cadet_sym.augment import AugmentedSystem, FilterCopy
-from cadet_sym.errors import ModelError
-from cadet_sym.language.expression import DISTANCE, SPEED
+from cadet_sym.language.expression import DISTANCE, SPEED, ElementCall, der
 
 __all__ = ["Kick", "separate_kicks"]
 
@@ -33,54 +32,58 @@ class Kick:
 
 
 def separate_kicks(system: AugmentedSystem) -> tuple[tuple[sp.Expr, ...], tuple[sp.Expr, ...], tuple[Kick, ...]]:
-    """Split the vehicle's drift and noise into a drift without the ground's white noise, and kicks.
+    """Split the vehicle's drift and noise into a drift without derivatives of the ground, and kicks.
 
     Returns
     -------
-    drift : (nv,) with kappa V (rho' + rho C) xi and kappa V rho o taken out.
-    heights : y of every copy that kicks, in the filter states.
+    drift : (nv,) with kappa V ((rho' + rho C) xi + rho o) taken out.
+    heights : all y that kick, in the filter states.
     kicks : which rate is kicked by which height.
     """
     nv = system.vehicle_size
     drift, heights, kicks = list(system.drift[:nv]), [], []
     for copy in system.copies:
-        rows = [i for i in range(nv) if any(system.noise_input[i, j] != 0 for j in copy.columns)]
-        if not rows:
-            continue
         xi = sp.Matrix(system.states[copy.states])
-        rho, noise = _last_smooth(copy)
-        slope = rho.diff(DISTANCE) + rho * copy.filter.C
-        along = _at_wheel((slope * xi)[0] + (rho * copy.filter.offset)[0], copy)
-        for i in rows:
-            kappa = _common_factor(system, i, copy, noise)
-            drift[i] = _less(drift[i], kappa * SPEED * along, tuple(xi))
-            kicks.append(Kick(i, len(heights), kappa))
-        heights.append(_at_wheel((rho * xi)[0], copy))
+        for order, rho in _smooth_derivatives(copy):
+            factors = {i: c for i in range(nv) if (c := _factor_of(system, i, copy, order)) != 0}
+            slope = rho.diff(DISTANCE) + rho * copy.filter.C
+            along = _at_wheel((slope * xi)[0] + (rho * copy.filter.offset)[0], copy)
+            for i, factor in factors.items():
+                kappa = factor * SPEED ** (order - 1)
+                drift[i] = _less(drift[i], kappa * SPEED * along, tuple(xi))
+                kicks.append(Kick(i, len(heights), kappa))
+            heights += [_at_wheel((rho * xi)[0], copy)] if factors else []
     return tuple(drift), tuple(heights), tuple(kicks)
 
 
-def _last_smooth(copy: FilterCopy) -> tuple[sp.Matrix, sp.Matrix]:
-    """rho of the last derivative without white noise, and rho D, the noise in the next."""
+def _smooth_derivatives(copy: FilterCopy) -> list[tuple[int, sp.Matrix]]:
+    """Rows rho of u, u', ... as long as their variance is finite, each with the order of the derivative after it."""
+    rows = []
     rho = sp.Matrix(copy.filter.F)
-    for _ in range(len(copy.filter.states)):
-        noise = (rho * copy.filter.D).applyfunc(sp.expand)
-        if not noise.is_zero_matrix:
-            return rho, noise.applyfunc(lambda e: _at_wheel(e, copy))
+    for order in range(1, len(copy.filter.states) + 1):
+        rows.append((order, rho))
+        if not (rho * copy.filter.D).applyfunc(sp.expand).is_zero_matrix:
+            break
         rho = (rho.diff(DISTANCE) + rho * copy.filter.C).applyfunc(sp.expand)
-    raise ModelError(f"the ground under `{copy.contact}` holds no noise; nothing can kick the vehicle")
+    return rows
 
 
-def _common_factor(system: AugmentedSystem, row: int, copy: FilterCopy, noise: sp.Matrix) -> sp.Expr:
-    """Kappa with noise_input[row, columns] = kappa rho D."""
-    places = [k for k in range(noise.cols) if noise[k] != 0]
-    kappa = sp.expand(system.noise_input[row, copy.columns[places[0]]] / noise[places[0]])
-    for k, column in enumerate(copy.columns):
-        if sp.expand(system.noise_input[row, column] - kappa * noise[k]) != 0:
-            raise ModelError(
-                f"rate of `{system.states[row].name}`: the ground's noises enter it otherwise than through the height "
-                f"of `{copy.contact}`; the simulation has no rule for that"
-            )
-    return kappa
+def _factor_of(system: AugmentedSystem, row: int, copy: FilterCopy, order: int) -> sp.Expr:
+    """What der(u, order) is multiplied by in a rate, for the height u of all contacts that share the copy.
+
+    Only terms count in which the factor depends on time and parameters; white noise enters no other.
+    """
+    vehicle = system.model.vehicle
+    derivative = sp.Dummy()
+    shared = [c for c, w in vehicle.contacts.items() if (w.track, sp.sympify(w.setback)) == (copy.track, copy.setback)]
+    rate = vehicle.rates[system.states[row]].xreplace({der(contact, order): derivative for contact in shared})
+    if derivative not in rate.free_symbols:
+        return sp.S.Zero
+    moving = {derivative, *vehicle.rates, *vehicle.contacts}
+    factors = (sp.diff(term, derivative) for term in sp.Add.make_args(sp.expand_mul(rate)))
+    return sp.Add(
+        *(f for f in factors if not f.free_symbols & moving and not f.has(ElementCall, sp.Subs, sp.Derivative))
+    )
 
 
 def _less(rate: sp.Expr, taken: sp.Expr, xi: tuple[sp.Symbol, ...]) -> sp.Expr:

@@ -108,4 +108,3 @@ def run_paths(
             if i > 0 and (here == 2 or not paired):
                 G[0] = G[here]
     return R, R2
-

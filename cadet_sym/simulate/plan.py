@@ -38,6 +38,7 @@ class Plan:
 
     @property
     def paired(self) -> bool:
+        """Whether paths are computed with both steps."""
         return len(self.coarse.H) > 0
 
 

@@ -49,9 +49,7 @@ class Program:
     elements: Mapping[str, Any]
 
 
-def numeric(
-    expressions: Sequence[sp.Expr], values: Mapping[sp.Symbol, Any], elements: Mapping[str, Any]
-) -> np.ndarray:
+def numeric(expressions: Sequence[sp.Expr], values: Mapping[sp.Symbol, Any], elements: Mapping[str, Any]) -> np.ndarray:
     """Values of expressions that do not depend on the path: (times, expressions) where values are arrays over time."""
     shape = np.broadcast_shapes(*(np.shape(v) for v in values.values())) if values else ()
     rows = [np.broadcast_to(evaluate(_written_out(e, elements), values), shape) for e in expressions]
@@ -150,9 +148,7 @@ class _Rows:
 class _StepBody:
     """The lines of one Heun step: increments of noise, rates at the start, prediction, rates at the end, correction."""
 
-    def __init__(
-        self, system: AugmentedSystem, shared: Shared, noises: int, entries: tuple[tuple[int, int], ...]
-    ):
+    def __init__(self, system: AugmentedSystem, shared: Shared, noises: int, entries: tuple[tuple[int, int], ...]):
         self.states = nv = system.vehicle_size
         self.filters = len(system.states) - nv
         self.layouts = (_Lanes(self.filters + noises), _Rows(self.filters + noises))

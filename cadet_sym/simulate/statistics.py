@@ -13,14 +13,16 @@ from statistics import NormalDist
 
 import numpy as np
 
-__all__ = ["Moments", "StepError", "interval_factor", "moments_of", "step_error_of"]
+__all__ = ["Moments", "StepError", "alive", "interval_factor", "moments_of", "step_error_of"]
+
+_BEYOND = 1e60  # a path that goes so far has diverged; fourth powers are still finite
 
 
 @dataclass(frozen=True)
 class Moments:
     """Sums of powers about the mean, for k quantities of which the first n are states.
 
-    A path counts as long as all of its quantities are finite.
+    A path counts as long as it has not diverged.
     """
 
     count: np.ndarray  # (times,)
@@ -63,6 +65,7 @@ class Moments:
 
     @property
     def mean_standard_error(self) -> np.ndarray:
+        """Sqrt(variance / count)."""
         return np.sqrt(self._per(self.variance, 0))
 
     @property
@@ -74,6 +77,7 @@ class Moments:
 
     @property
     def skewness(self) -> np.ndarray:
+        """Third central moment over std^3."""
         return self._standardised(self.third, 1.5)
 
     @property
@@ -92,9 +96,14 @@ class Moments:
             return np.where(n > 0, total / n, np.nan)
 
 
+def alive(records: np.ndarray) -> np.ndarray:
+    """Which paths have not diverged, (times, paths), of records (times, k, paths)."""
+    return np.asarray((np.abs(records) < _BEYOND).all(axis=1))
+
+
 def moments_of(records: np.ndarray, states: int) -> Moments:
     """Moments of records (times, k, paths), the first `states` rows being states."""
-    finite = np.isfinite(records).all(axis=1)
+    finite = alive(records)
     if finite.all():
         count = np.full(len(records), float(records.shape[2]))
     else:
@@ -135,7 +144,7 @@ class StepError:
 
 def step_error_of(coarse: np.ndarray, fine: np.ndarray) -> StepError:
     """Step error from records (times, k, pairs) of the same paths with a step and with half of it."""
-    both = np.isfinite(coarse).all(axis=(0, 1)) & np.isfinite(fine).all(axis=(0, 1))
+    both = alive(coarse).all(axis=0) & alive(fine).all(axis=0)
     coarse, fine = coarse[:, :, both], fine[:, :, both]
     pairs = int(both.sum())
     if pairs < 2:
@@ -158,5 +167,3 @@ def step_error_of(coarse: np.ndarray, fine: np.ndarray) -> StepError:
 def interval_factor(level: float) -> float:
     """How many standard errors either way hold the truth with probability `level`: 2.576 for 0.99."""
     return NormalDist().inv_cdf(0.5 + 0.5 * level)
-
-

@@ -11,6 +11,7 @@ own: it takes one draw of the stream whatever happens, so that NumPy and the com
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -42,7 +43,7 @@ def _layers() -> tuple[np.ndarray, np.ndarray]:
 WIDTH, HEIGHT = _layers()
 
 
-def _mix(z: np.ndarray) -> np.ndarray:
+def _mix(z: Any) -> Any:
     z = (z ^ (z >> np.uint64(30))) * MIX[0]
     z = (z ^ (z >> np.uint64(27))) * MIX[1]
     return z ^ (z >> np.uint64(31))
@@ -105,12 +106,12 @@ def ziggurat(bits: np.ndarray) -> np.ndarray:
     return z
 
 
-def _unit(bits: np.uint64) -> float:
+def _unit(bits: Any) -> float:
     """A number inside (0, 1)."""
     return (float(bits >> np.uint64(11)) + 0.5) * BASE
 
 
-def _resume(bits: np.uint64) -> float:
+def _resume(bits: Any) -> float:
     """What a draw that missed its layer's inner rectangle becomes: the wedge, the tail, or another draw."""
     while True:
         layer = int(bits & np.uint64(255))

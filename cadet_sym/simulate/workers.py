@@ -8,12 +8,13 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from cadet_sym.simulate.plan import Plan
-from cadet_sym.simulate.statistics import Moments, moments_of
+from cadet_sym.simulate.statistics import Moments, alive, moments_of
 from cadet_sym.simulate.streams import Streams
 
 __all__ = ["GroupResult", "group_size", "records_in_parts", "records_of", "run_groups"]
@@ -62,14 +63,14 @@ def records_in_parts(plan: Plan, engine: str, seed: int, count: int) -> tuple[np
     parts = -(-count // _LARGEST_GROUP) if count > _LARGEST_GROUP else min(os.cpu_count() or 1, 4)
     bounds = [_APART + count * k // parts for k in range(parts + 1)]
     with ThreadPoolExecutor() as pool:
-        jobs = [pool.submit(records_of, plan, engine, seed, a, b - a) for a, b in zip(bounds, bounds[1:], strict=False)]
+        jobs = [pool.submit(records_of, plan, engine, seed, a, b - a) for a, b in pairwise(bounds)]
         found = [job.result() for job in jobs]
     return tuple(np.concatenate([each[k] for each in found], axis=-1) for k in (0, 1))  # type: ignore[return-value]
 
 
 def _group(plan: Plan, engine: str, seed: int, first: int, count: int, states: int, keep: int) -> GroupResult:
     records, _ = records_of(plan, engine, seed, first, count)
-    lost = int(np.count_nonzero(~np.isfinite(records[-1]).all(axis=0)))
+    lost = int(np.count_nonzero(~alive(records[-1:])))
     kept = np.moveaxis(records[:, :, : max(0, min(count, keep - first))], -1, 0).copy()
     return GroupResult(count, moments_of(records, states), lost, kept)
 
