@@ -49,6 +49,7 @@ def limits(**changed: Any) -> Iterator[Limits]:
 
 
 _DIGITS = 8192  # bits of numerator and denominator together; a double needs 2100
+_NOT_REAL = "this is not a real number (a division by zero, or the root or logarithm of a negative one)"
 _FOREIGN = (sp.I, sp.zoo, sp.nan, sp.oo, -sp.oo)
 
 
@@ -76,8 +77,10 @@ def checked(result: sp.Expr) -> sp.Expr:
                     raise ModelError("a number with too many digits comes out of this; write it as a decimal")
             elif isinstance(factor, sp.Pow) and factor.exp.is_Rational and abs(factor.exp) > most:
                 raise ModelError(f"this is a power of {shown(factor.exp)}, and exponents go to {most}")
+            elif isinstance(factor, sp.Pow) and factor.base.is_Rational and factor.base < 0:
+                raise ModelError(_NOT_REAL)
     if result.has(*_FOREIGN):
-        raise ModelError("this is not a real number (a division by zero, or the root or logarithm of a negative one)")
+        raise ModelError(_NOT_REAL)
     if not result.free_symbols and not result.has(sp.Function):
         _finite(result)
     elif not result.free_symbols:

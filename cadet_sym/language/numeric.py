@@ -107,4 +107,4 @@ def quotient(number: Any) -> float:
     try:
         return int(number.p) / int(number.q)
     except OverflowError:
-        return math.copysign(math.inf, int(number.p))
+        return math.inf if number > 0 else -math.inf

@@ -15,6 +15,7 @@ from sympy.core.symbol import Str
 
 from cadet_sym.errors import ModelError
 from cadet_sym.language.bounds import Limits, checked, current_limits, power
+from cadet_sym.language.canonical import canonical
 from cadet_sym.language.names import exact
 from cadet_sym.language.scope import ANYTHING, Scope
 from cadet_sym.language.source import Source, read_source
@@ -24,6 +25,7 @@ from cadet_sym.language.vocabulary import (
     TIME,
     ElementCall,
     der,
+    negation,
     piecewise,
     relation,
     symbol,
@@ -63,7 +65,8 @@ def parse(text: str, scope: Scope | None = None) -> sp.Expr:
     try:
         limits = current_limits()
         source = read_source(text, limits)
-        return _Reader(source, scope or ANYTHING, limits).number(source.root, 0)
+        # SymPy's evaluation is not always settled at first: (32**1.5)**0.5
+        return canonical(_Reader(source, scope or ANYTHING, limits).number(source.root, 0))
     except ModelError as error:
         raise error.placed(text=text, column=0) from None
 
@@ -200,7 +203,7 @@ class _Reader:
             combine = sp.And if isinstance(node.op, ast.And) else sp.Or
             return combine(*(self.condition(value, level + 1) for value in node.values))
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
-            return sp.Not(self.condition(node.operand, level + 1))
+            return negation(self.condition(node.operand, level + 1))
         if isinstance(node, ast.Compare):
             return self._comparison(node, level)
         raise self.error(f"`{self.source.segment(node)}` is a number where a condition is wanted, as `z > 0`", node)

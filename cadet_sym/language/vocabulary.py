@@ -55,6 +55,9 @@ class der(sp.Function):  # noqa: N801  the word of the language
         """How many times."""
         return int(self.args[1])
 
+    def _eval_derivative(self, s: sp.Symbol) -> sp.Expr:
+        return sp.S.Zero  # a quantity of its own, whatever becomes of the height itself
+
     def _sympystr(self, printer: Any) -> str:
         return f"der({printer._print(self.of)}" + (f", {self.order})" if self.order > 1 else ")")
 
@@ -79,6 +82,11 @@ class ElementCall(sp.Function):
     def arguments(self) -> tuple[sp.Expr, ...]:
         """What it is evaluated at."""
         return self.args[1:]
+
+    def _eval_derivative(self, s: sp.Symbol) -> sp.Expr:
+        # what the slope is belongs to the element; here it is enough that it is one
+        slopes = (ElementCall(Str(f"{self.name}'{k}"), *self.arguments) for k in range(1, len(self.args)))
+        return sp.Add(*(slope * a.diff(s) for slope, a in zip(slopes, self.arguments, strict=True)))
 
     def _sympystr(self, printer: Any) -> str:
         return f"{self.name}({', '.join(printer._print(a) for a in self.arguments)})"
@@ -129,10 +137,11 @@ class Lookup(sp.Function):
 
         return curve_pieces(self)
 
-    def fdiff(self, argindex: int = 1) -> sp.Expr:
-        """Slope of the curve in its argument."""
-        if argindex != 1:
-            raise ModelError("a measured curve has a slope in its argument only")
+    def _eval_derivative(self, s: sp.Symbol) -> sp.Expr:
+        return self.slope() * self.argument.diff(s)
+
+    def slope(self) -> sp.Expr:
+        """Slope of the curve in its argument, a Piecewise."""
         z = sp.Dummy("z", real=True)
         return self.func(z, *self.args[1:]).as_piecewise().diff(z).xreplace({z: self.argument})
 
@@ -162,20 +171,67 @@ class NamedElement(Str):
 
 
 def relation(kind: type[sp.Rel], left: sp.Expr, right: sp.Expr) -> Boolean:
-    """A comparison; decided if both sides are rational, else only put into one form: `2*z - 1 < 0` is `z < 1/2`."""
-    if left.is_Rational and right.is_Rational:
-        return kind(left, right)
-    raw = kind(left, right, evaluate=False)
-    form = raw.canonical
-    if not isinstance(form, sp.Rel):
-        return form
-    constant, linear = form.lhs.as_coeff_Add(rational=True)
-    scale, lhs = linear.as_coeff_Mul(rational=True)
-    rhs = (form.rhs - constant) / scale
-    func = form.reversed.func if scale < 0 else form.func
-    if lhs.is_Rational and rhs.is_Rational:
-        return func(lhs, rhs)
-    return func(lhs, rhs, evaluate=False)
+    """A comparison in its one form: what is positive left, what is negative right, the first term with coefficient 1.
+
+    `2*z - 1 < 0` is `z < 1/2`, `b < a` is `a > b`; two rational sides are decided. A conditional on either side is
+    taken apart: SymPy has no place for it in a condition.
+    """
+    if (inner := next(iter(sorted((left - right).atoms(sp.Piecewise), key=sp.default_sort_key)), None)) is not None:
+        return _unfolded(kind, left, right, inner)
+    parts = [term.as_coeff_Mul(rational=True) for term in sp.Add.make_args(left - right)]
+    constant = sp.Add(*(c for c, rest in parts if rest == 1))
+    terms = sorted(((rest, c) for c, rest in parts if rest != 1), key=lambda term: sp.default_sort_key(term[0]))
+    if not terms:
+        return kind(constant, 0)
+    scale = 1 / terms[0][1]
+    if kind in _MIRRORED:  # an order: turned so that the greater side comes first
+        scale = abs(scale) * (-1 if kind in (sp.StrictLessThan, sp.LessThan) else 1)
+        kind = sp.StrictGreaterThan if kind in (sp.StrictGreaterThan, sp.StrictLessThan) else sp.GreaterThan
+    more = sp.Add(*(scale * c * rest for rest, c in terms if scale * c > 0))
+    less = sp.Add(*(-scale * c * rest for rest, c in terms if scale * c < 0))
+    if more == 0:
+        return _MIRRORED[kind](less, scale * constant, evaluate=False)
+    return kind(more, less - scale * constant, evaluate=False)
+
+
+def negation(condition: Any) -> Any:
+    """What is true where a condition is not, in the one form of comparisons."""
+    if isinstance(condition, sp.And | sp.Or):
+        other = sp.Or if isinstance(condition, sp.And) else sp.And
+        return other(*map(negation, condition.args))
+    if isinstance(condition, sp.Rel):
+        return relation(_NEGATED[type(condition)], *condition.args)
+    return sp.Not(condition)
+
+
+def _unfolded(kind: type[sp.Rel], left: sp.Expr, right: sp.Expr, inner: sp.Piecewise) -> Boolean:
+    """A comparison of a conditional: one case after the other."""
+    if len(left.atoms(sp.Piecewise) | right.atoms(sp.Piecewise)) > _MOST_INNER or len(inner.args) > _MOST_INNER:
+        raise ModelError("too many conditionals inside a condition: give them a name as an element or write them apart")
+    cases, missed = [], sp.true
+    for branch in inner.args:
+        value, test = branch.args
+        sides = (side.xreplace({inner: value}) for side in (left, right))
+        cases.append(sp.And(missed, test, relation(kind, *sides)))
+        missed = sp.And(missed, negation(test))
+    return sp.Or(*cases)
+
+
+_MOST_INNER = 4
+_MIRRORED = {
+    sp.StrictGreaterThan: sp.StrictLessThan,
+    sp.GreaterThan: sp.LessThan,
+    sp.StrictLessThan: sp.StrictGreaterThan,
+    sp.LessThan: sp.GreaterThan,
+}
+_NEGATED = {
+    sp.StrictGreaterThan: sp.LessThan,
+    sp.GreaterThan: sp.StrictLessThan,
+    sp.StrictLessThan: sp.GreaterThan,
+    sp.LessThan: sp.StrictGreaterThan,
+    sp.Equality: sp.Unequality,
+    sp.Unequality: sp.Equality,
+}
 
 
 def piecewise(branches: Sequence[tuple[sp.Expr, Any]]) -> sp.Expr:
