@@ -16,7 +16,7 @@ import numpy as np
 
 from cadet_sym.errors import SolverError
 from cadet_sym.solve.frozen import FrozenProblem
-from cadet_sym.solve.lyapunov import decompose
+from cadet_sym.solve.lyapunov import ModalForm, SchurForm, decompose
 
 __all__ = ["Frame", "drifting_directions", "frame", "short_run_covariance"]
 
@@ -63,7 +63,9 @@ def frame(problem: FrozenProblem, start: Array | None = None) -> Frame:
     unit = _balance(problem)
     rest = problem.transformed(np.diag(1 / unit), np.diag(unit))
     basis, drift, offset = np.eye(n), np.zeros((n, 0)), np.zeros(n)
-    if _may_drift(rest.A):
+    form = decompose(rest.A)
+    # Four integrators in a row have computed eigenvalues that are no smaller than this.
+    if np.abs(form.eigenvalues.real).min() <= 1e-3 * np.abs(form.eigenvalues).max():
         conserved = _conserved(rest)
         if start is not None:
             offset = conserved @ (conserved.T @ (start / unit))
@@ -77,7 +79,8 @@ def frame(problem: FrozenProblem, start: Array | None = None) -> Frame:
             )
         rest = rest.transformed(stay.T, stay)
         basis, drift = keep @ stay, keep @ drift
-    spread = short_run_covariance(rest)
+        form = decompose(rest.A)
+    spread = short_run_covariance(form, rest.D)
     sigma = _powers(np.sqrt(np.maximum(np.diag(spread), 0.0)))
     return Frame(
         problem=rest.transformed(np.diag(1 / sigma), np.diag(sigma)),
@@ -106,12 +109,6 @@ def drifting_directions(problem: FrozenProblem) -> Array:
         marginal = np.hstack([marginal, rest @ more])
     marginal = np.hstack([marginal, _oscillating(A, marginal)])
     return marginal @ _unseen(marginal.T @ A @ marginal, problem.C @ marginal)
-
-
-def _may_drift(A: Array) -> bool:
-    """Whether an eigenvalue is so near the imaginary axis that a closer look is needed: four integrators in a row are."""
-    rates = np.linalg.eigvals(A)
-    return bool(np.abs(rates.real).min() <= 1e-3 * np.abs(rates).max())
 
 
 def _oscillating(A: Array, inside: Array) -> Array:
@@ -152,7 +149,7 @@ def _conserved(problem: FrozenProblem) -> Array:
 
 
 def _kernel(matrix: Array, size: float) -> Array:
-    """Orthonormal basis of the kernel; singular values under RANK times `size` count as zero. Sparse where it can be."""
+    """Orthonormal basis of the kernel; singular values under RANK times `size` count as zero. Sparse if can be."""
     n = matrix.shape[1]
     zero = np.abs(matrix).max(axis=0, initial=0.0) <= RANK * size
     if zero.all():
@@ -180,13 +177,12 @@ def _balance(problem: FrozenProblem) -> Array:
     return scale
 
 
-def short_run_covariance(problem: FrozenProblem) -> Array:
+def short_run_covariance(form: ModalForm | SchurForm, D: Array) -> Array:
     """P that the linear part builds up in a few of its shortest time constants, (n, n): positive semidefinite."""
-    form = decompose(problem.A)
     rates = form.eigenvalues
     fastest = np.abs(rates).max(initial=0.0)
     shift = max(0.0, float(rates.real.max(initial=0.0))) + (0.1 * fastest or 1.0)
-    P = form.leave(form.divide(form.enter(problem.D), 2 * shift))
+    P = form.leave(form.divide(form.enter(D), 2 * shift))
     return 0.5 * (P + P.T)
 
 

@@ -27,6 +27,16 @@ Array = np.ndarray
 
 
 @dataclass(frozen=True)
+class SmallSystem:
+    """The dense equations of a change dtheta in what the elements see: matrix dtheta = what it would be without them."""
+
+    matrix: Array  # (T, T)
+    response: Array  # (T - K, K): how the arguments' covariances answer the gains
+    mean_response: Array  # (K, T - K): how their means answer their covariances
+    push: Array  # (n, T - K): N^-1 b F_S
+
+
+@dataclass(frozen=True)
 class LinearisedMoments:
     """The Jacobian of the moment equations at one evaluation, as one decomposition and a few small matrices."""
 
@@ -43,41 +53,90 @@ class LinearisedMoments:
 
     def solve(self, r: Array, R: Array, shift: float = 0.0) -> tuple[Array, Array]:
         """(dmu, dP) with (J - shift) (dmu, dP) = -(r, R): r (n,), R (n, n) symmetric."""
-        form, p = self.form, self.at.problem
-        R_in = form.enter(R)
-        X = form.divide(R_in, shift)
-        if not len(p.C):
-            return -self._through(r, shift), _symmetric(form.leave(X))
-        K = len(p.C)
-        response, mean_response = self.response(shift)
-        known = np.concatenate([-p.C @ self._through(r, shift), self._seen(X)])
-        matrix = np.eye(len(known))
-        matrix[:K, K:] -= mean_response
-        matrix[K:] -= response @ self.at.gain_slope
-        dtheta = _solve_small(matrix, known)
-        dk = self.at.gain_slope @ dtheta
-        dmu = -self._through(r + p.b @ (self.at.F_slope[:, K:] @ dtheta[K:]), shift)
-        X = form.divide(R_in + self._gain_forcing(dk), shift)
-        return dmu, _symmetric(form.leave(X))
+        small, R_in = self.small(shift), self.form.enter(R)
+        dtheta = _solve_small(small.matrix, self._known(r, R_in, shift)) if len(small.matrix) else np.zeros(0)
+        return self._expand(r, R_in, dtheta, shift)
 
-    def response(self, shift: float = 0.0) -> tuple[Array, Array]:
-        """How the arguments' covariances answer the gains, (T - K, K), and their means the covariances, (K, T - K)."""
-        p, form = self.at.problem, self.form
+    def bordered(
+        self, r: Array, R: Array, slope: tuple[Array, Array], row: Array, corner: float, value: float
+    ) -> tuple[Array, Array, float, Array]:
+        """Newton's step with one parameter free: J (dmu, dP) + slope dp = -(r, R), row dtheta + corner dp = value.
+
+        Regular at a fold of the solutions in the parameter, where J is singular. `slope` is the derivative of the
+        residuals (r, R) in the parameter. Returns dmu, dP, dp, dtheta.
+        """
+        small, R_in, slope_in = self.small(0.0), self.form.enter(R), self.form.enter(slope[1])
+        T = len(small.matrix)
+        matrix = np.empty((T + 1, T + 1))
+        matrix[:T, :T], matrix[T, :T], matrix[T, T] = small.matrix, row, corner
+        matrix[:T, T] = -self._known(slope[0], slope_in, 0.0)
+        solution = _solve_small(matrix, np.append(self._known(r, R_in, 0.0), value))
+        dtheta, dp = solution[:T], float(solution[T])
+        dmu, dP = self._expand(r + dp * slope[0], R_in + dp * slope_in, dtheta, 0.0)
+        return dmu, dP, dp, dtheta
+
+    def adjoint(self, g_mean: Array, g_covariance: Array) -> tuple[Array, Array]:
+        """(a, L) with J^T (a, L) = (g_mean, g_covariance), covariances paired by their Frobenius product."""
+        form, p, small = self.form, self.at.problem, self.small(0.0)
         K = len(p.C)
+        q = np.zeros(K)
+        s = np.zeros(p.pairs.shape[1])
+        if K:
+            k_z, k_S = self.at.gain_slope[:, :K], self.at.gain_slope[:, K:]
+            L = form.adjoint(-g_covariance)
+            u, v = (form.leave_vector(part.reshape(p.n, -1)).reshape(part.shape) for part in self._directions)
+            q0 = 2.0 * np.einsum("nkm,nkm->k", u, np.tensordot(L, v, 1))
+            s0 = small.push.T @ g_mean
+            feedback = small.mean_response.T @ k_z.T + k_S.T
+            q = _solve_small(np.eye(K) - small.response.T @ feedback, q0 + small.response.T @ s0)
+            s = s0 + feedback @ q
+        rows, others = p.C[p.pairs]
+        half = (rows.T * s) @ others
+        L = form.adjoint(0.5 * (half + half.T) - g_covariance)
+        a = form.adjoint_vector(g_mean - p.C.T @ (self.at.gain_slope[:, :K].T @ q))
+        return a, _symmetric(L)
+
+    def small(self, shift: float) -> SmallSystem:
+        """The equations of dtheta, with all that makes them up."""
+        return self._unshifted if shift == 0.0 else self._small(shift)
+
+    @cached_property
+    def _unshifted(self) -> SmallSystem:
+        return self._small(0.0)
+
+    def _small(self, shift: float) -> SmallSystem:
+        p, form = self.at.problem, self.form
+        K, S = len(p.C), p.pairs.shape[1]
         u, v = self._directions
         answers = form.respond(self._C, p.pairs, u.reshape(p.n, -1), v.reshape(p.n, -1), shift)
-        return answers.reshape(-1, *u.shape[1:]).sum(axis=2), -p.C @ self._through(p.b @ self.at.F_slope[:, K:], shift)
+        response = answers.reshape(S, *u.shape[1:]).sum(axis=2)
+        push = self._through(p.b @ self.at.F_slope[:, K:], shift)
+        matrix = np.eye(K + S)
+        matrix[:K, K:] += p.C @ push
+        matrix[K:] -= response @ self.at.gain_slope
+        return SmallSystem(matrix, response, -p.C @ push, push)
+
+    def _known(self, r: Array, R_in: Array, shift: float) -> Array:
+        """What the elements see of the answer that leaves the gains alone, (T,)."""
+        X = self.form.divide(R_in, shift)
+        rows, others = self._C[self.at.problem.pairs]
+        seen = np.sum((rows @ X) * others, axis=1).real
+        return np.concatenate([-self.at.problem.C @ self._through(r, shift), seen])
+
+    def _expand(self, r: Array, R_in: Array, dtheta: Array, shift: float) -> tuple[Array, Array]:
+        """(dmu, dP) from what the elements see of it."""
+        K = len(self.at.problem.C)
+        dmu = -self._through(r, shift)
+        if K:
+            dmu = dmu - self.small(shift).push @ dtheta[K:]
+            R_in = R_in + self._gain_forcing(self.at.gain_slope @ dtheta)
+        return dmu, _symmetric(self.form.leave(self.form.divide(R_in, shift)))
 
     def _through(self, x: Array, shift: float) -> Array:
         """(N - shift)^-1 x, of a vector or of columns."""
         form = self.form
         columns = x.reshape(len(x), -1)
         return form.leave_vector(form.divide_vector(form.enter_vector(columns), shift)).reshape(x.shape)
-
-    def _seen(self, X: Array) -> Array:
-        """The covariances of the arguments in a covariance given in the decomposition's coordinates, (T - K,)."""
-        rows, others = self._C[self.at.problem.pairs]
-        return np.sum((rows @ X) * others, axis=1).real
 
     def _gain_forcing(self, dk: Array) -> Array:
         """sum_i dk_i (b_i v_i^T + v_i b_i^T + W_i) in the decomposition's coordinates, (n, n)."""

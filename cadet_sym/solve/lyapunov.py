@@ -84,6 +84,17 @@ class ModalForm:
             answers.append((one + two).real)
         return np.array(answers).reshape(pairs.shape[1], b.shape[1])
 
+    def adjoint(self, R: Array) -> Array:
+        """X of N^T X + X N = -R, (n, n) real."""
+        inside = self._split_adjoint(self._split_adjoint(self.basis.T @ R @ self.basis).T).T
+        X = inside / -self.denominators()
+        return self.inverse.T @ self._join_adjoint(self._join_adjoint(X).T).T.real @ self.inverse
+
+    def adjoint_vector(self, x: Array) -> Array:
+        """N^-T x of a vector (n,)."""
+        inside = self._split_adjoint((self.basis.T @ x)[:, None])
+        return (self.inverse.T @ self._join_adjoint(self.divide_vector(inside)).real)[:, 0]
+
     @cached_property
     def _tiny(self) -> float:
         return 1e-15 * float(np.abs(self.eigenvalues).max(initial=1e-300))
@@ -100,6 +111,20 @@ class ModalForm:
         x = y.copy()
         first, second = y[self.first], y[self.first + 1]
         x[self.first], x[self.first + 1] = first + second, 1j * (first - second)
+        return x
+
+    def _split_adjoint(self, x: Array) -> Array:
+        """S^T x."""
+        y = x.astype(complex)
+        first, second = x[self.first], x[self.first + 1]
+        y[self.first], y[self.first + 1] = first + 1j * second, first - 1j * second
+        return y
+
+    def _join_adjoint(self, y: Array) -> Array:
+        """S^-T y."""
+        x = y.copy()
+        first, second = y[self.first], y[self.first + 1]
+        x[self.first], x[self.first + 1] = 0.5 * (first + second), -0.5j * (first - second)
         return x
 
 
@@ -153,6 +178,17 @@ class SchurForm:
             return np.linalg.solve(shifted, x)
         except np.linalg.LinAlgError:
             return np.linalg.lstsq(shifted, x, rcond=None)[0]
+
+    def adjoint(self, R: Array) -> Array:
+        """X of N^T X + X N = -R, (n, n)."""
+        from scipy.linalg.lapack import dtrsyl
+
+        X, scale, _ = dtrsyl(self.triangle, self.triangle, -self.enter(R), trana="T")
+        return self.leave(X / scale)
+
+    def adjoint_vector(self, x: Array) -> Array:
+        """N^-T x of a vector (n,)."""
+        return np.linalg.solve(self.matrix.T, x)
 
     def respond(self, C: Array, pairs: Array, b: Array, v: Array, shift: float = 0.0) -> Array:
         """C_a X_i C_b^T for all pairs (a, b) and all i, where X_i answers R_i = b_i v_i^T + v_i b_i^T."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from cadet_sym.errors import SolverError
 from cadet_sym.solve.drift import Frame, frame
-from cadet_sym.solve.frozen import Evaluation, FrozenProblem
+from cadet_sym.solve.frozen import Evaluation, FrozenProblem, evaluate
 from cadet_sym.solve.linearised import LinearisedMoments
 from cadet_sym.solve.rungs import RESIDUAL, STEP, Attempt, follow, newton, relative_size
 from cadet_sym.solve.stability import Stability, stability
@@ -122,12 +122,15 @@ def accept(view: Frame, attempt: Attempt, attempts: list[Attempt]) -> Stationary
     if np.abs(rates.real).min() < MARGINAL * np.abs(rates).max():
         return None
     try:
-        step = relative_size(at, lin.step())
+        change = lin.step()
+        step = relative_size(at, change)
         if not step < STEP:
             return None
         judgement = stability(lin)
     except SolverError:
         return None
+    better = evaluate(at.problem, at.mean + change[0], at.covariance + change[1])
+    at = better if better.residual < at.residual else at
     mean, covariance = view.lift(at.mean, at.covariance)
     return StationaryPoint(
         mean=mean,
