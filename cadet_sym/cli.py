@@ -54,7 +54,7 @@ def _print_version(asked: bool) -> None:
 
 @app.callback()
 def options(
-    debug: Annotated[bool, typer.Option(help="On an error show where in the program it arose.")] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="On an error show where in the program it arose.")] = False,
     version: Annotated[
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
     ] = False,
@@ -105,9 +105,7 @@ def stationary(
     settings: Settings = None,
     speed: Annotated[float | None, typer.Option(metavar="V", help="Speed; V(0) if not given.")] = None,
     at: Annotated[float | None, typer.Option(metavar="T", help="Freeze explicit time at T.")] = None,
-    every: Annotated[
-        bool, typer.Option("--all", help="Search for every solution, unstable ones too.")
-    ] = False,
+    every: Annotated[bool, typer.Option("--all", help="Search for every solution, unstable ones too.")] = False,
     sweep: Annotated[
         str | None,
         typer.Option(metavar="NAME=LO:HI:N", help="Repeat for N values of a parameter."),
@@ -223,7 +221,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise
         return _fail("\n".join([str(error), *getattr(error, "__notes__", ())]), error.exit_status)
     except typer.TyperException as error:  # a wrong option
-        return _fail(f"{error.format_message()} See `cadet-sym --help`.", 2)
+        message = error.format_message().rstrip(".")
+        return _fail(f"{message}; see `cadet-sym --help`", 2) if message else 2
     except Exception as error:
         if debug:
             raise
@@ -249,9 +248,7 @@ def _solutions(
     return found if isinstance(found, StationarySolutions) else StationarySolutions((found,))
 
 
-def _sweep(
-    search: Callable[..., StationarySolutions], parameter: str, values: np.ndarray
-) -> StationarySweep:
+def _sweep(search: Callable[..., StationarySolutions], parameter: str, values: np.ndarray) -> StationarySweep:
     """Search at every value; a value without a solution is reported and leaves an empty place."""
     rows, failures = [], {}
     for value in values:

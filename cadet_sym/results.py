@@ -35,7 +35,7 @@ class Provenance:
     """How a result was obtained."""
 
     engine: str  # the integrator or rootfinder, by its name in the literature
-    rtol: float  # relative tolerance asked for
+    rtol: float  # relative tolerance asked for; 0 where there was none to ask
     statistics: Mapping[str, float] = field(default_factory=dict)  # steps, evaluations, seconds, ...
     parameters: Mapping[str, float] = field(default_factory=dict)  # the values used
     model_hash: str = ""
@@ -398,7 +398,9 @@ def _freeze(record: Any, name: str, shape: tuple[int, ...]) -> None:
 
 def provenance_line(provenance: Provenance) -> str:
     """How a result was obtained, on one line."""
-    parts = [provenance.engine, f"rtol {provenance.rtol:g}".replace("e-0", "e-")]
+    parts = [provenance.engine]
+    if provenance.rtol > 0.0:
+        parts.append(f"rtol {provenance.rtol:g}".replace("e-0", "e-"))
     if "seconds" in provenance.statistics:
         parts.append(f"{provenance.statistics['seconds']:.3g} s")
     return ", ".join(parts)

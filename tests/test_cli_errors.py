@@ -128,7 +128,7 @@ ARGUMENTS = {
     "falling times": ("moments", ["--times", "2,1"], ["increase"]),
     "times and points": ("moments", ["--times", "1", "--points", "3"], ["--times", "--points"]),
     "negative duration": ("moments", ["--duration", "-1"], ["duration", "-1"]),
-    "no points": ("moments", ["--points", "0"], ["points", "0"]),
+    "no points": ("moments", ["--points", "0"], ["--points", "2"]),
     "tolerance": ("moments", ["--rtol", "-1"], ["rtol", "-1"]),
     "unknown option": ("moments", ["--fast"], ["--fast", "--help"]),
     "suffix of data": ("moments", ["--save", "run.xls"], ["run.xls", ".nc"]),

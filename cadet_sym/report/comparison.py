@@ -123,7 +123,7 @@ class Comparison:
         judged = [verdict for verdict in verdicts if not math.isnan(verdict.discrepancy)]
         agreeing = [verdict for verdict in judged if verdict.agrees]
         if len(agreeing) == len(judged):
-            return f"Every state that varies agrees with the simulation within its limits."
+            return "Every state that varies agrees with the simulation within its limits."
         worst = max(judged, key=lambda verdict: abs(verdict.discrepancy) - verdict.limit)
         return f"Of {len(judged)} states that vary {len(agreeing)} agree within the limits; {worst.of_variance}."
 

@@ -50,7 +50,7 @@ def print_stationary(solutions: Sequence[StationaryMoments]) -> None:
         console.print(stationary_table(solution))
         if solution.drifting:
             console.print(f"drifting, no stationary moments: {', '.join(solution.drifting)}", highlight=False)
-        console.print(f"{'; '.join(solution.path)}; {provenance_line(solution.provenance)}\n", highlight=False)
+        console.print(f"{'; '.join(solution.path)}\n", highlight=False)
 
 
 def print_sweep(sweep: StationarySweep) -> None:
@@ -104,8 +104,7 @@ def stationary_table(solution: StationaryMoments) -> Table:
     table = _table("", "mean", "variance", "std")
     for name in (*solution.outputs, *solution.states):
         if name not in solution.drifting:
-            moments = (solution.mean, solution.variance, solution.std)
-            table.add_row(name, *(_number(float(moment[name])) for moment in moments))
+            table.add_row(name, *(_shown(solution, moment, name) for moment in ("mean", "variance", "std")))
     return table
 
 
@@ -114,8 +113,8 @@ def sweep_table(sweep: StationarySweep, names: Sequence[str]) -> Table:
     table = _table(sweep.parameter, "", *(f"{moment} {name}" for name in names for moment in ("mean", "variance")))
     for value, row in zip(sweep.values, sweep.solutions, strict=True):
         for solution in row:
-            moments = (getattr(solution, m)[name] for name in names for m in ("mean", "variance"))
-            table.add_row(f"{value:g}", "stable" if solution.stable else "unstable", *map(_number, moments))
+            moments = (_shown(solution, m, name) for name in names for m in ("mean", "variance"))
+            table.add_row(f"{value:g}", "stable" if solution.stable else "unstable", *moments)
         if not row:
             table.add_row(f"{value:g}", "none")
     return table
@@ -166,8 +165,16 @@ def _number(value: float) -> str:
 
 def _at(history: MomentHistory, moment: str, name: str, k: int) -> str:
     """One moment at one time; what is nothing but rounding beside the run's largest deviation is 0."""
-    value, size = float(getattr(history, moment)[name][k]), float(history.std[name].max())
-    return _number(0.0 if abs(value) <= 1e-12 * (size**2 if moment == "variance" else size) else value)
+    return _beside(getattr(history, moment)[name][k], history.std[name].max(), moment)
+
+
+def _shown(solution: StationaryMoments, moment: str, name: str) -> str:
+    return _beside(getattr(solution, moment)[name], solution.std[name], moment)
+
+
+def _beside(value: float, deviation: float, moment: str) -> str:
+    size = deviation**2 if moment == "variance" else deviation
+    return _number(0.0 if abs(value) <= 1e-12 * size else value)
 
 
 def _limited(simulation: Ensemble, moment: str, name: str, k: int) -> str:
