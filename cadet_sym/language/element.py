@@ -10,7 +10,7 @@ import sympy as sp
 
 from cadet_sym.errors import ModelError
 from cadet_sym.language.canonical import canonical
-from cadet_sym.language.names import name_problem
+from cadet_sym.language.names import a, name_problem
 from cadet_sym.language.vocabulary import ElementCall, NamedElement, symbol
 
 
@@ -36,23 +36,12 @@ class Element:
 
     def __post_init__(self):
         set_field(self, "name", declared_name(self.name, "element", table="elements"))
-        set_field(self, "arguments", self._declared_arguments())
+        set_field(self, "arguments", tuple(map(symbol, declared_arguments(self.name, self.arguments))))
         try:
             set_field(self, "elements", tuple(harvest([self.value])))
             set_field(self, "value", canonical(self.value))
         except ModelError as error:
             raise error.placed(table=f"elements.{self.name}", key="value") from None
-
-    def _declared_arguments(self) -> tuple[sp.Symbol, ...]:
-        given = self.arguments
-        where = {"table": f"elements.{self.name}", "key": "arguments"}
-        names = [
-            declared_name(a, "argument", **where) for a in ([given] if isinstance(given, sp.Symbol | str) else given)
-        ]
-        if not names or len(set(names)) != len(names):
-            what = "no argument" if not names else "an argument twice"
-            raise ModelError(f"the element `{self.name}` has {what}", **where)
-        return tuple(symbol(a) for a in names)
 
     def __call__(self, *arguments: Any) -> sp.Expr:
         """The element at arguments, for use in a rate or an output."""
@@ -61,6 +50,17 @@ class Element:
             plural = "s" if wanted != 1 else ""
             raise ModelError(f"the element `{self.name}` takes {wanted} argument{plural}, {len(arguments)} given")
         return ElementCall(NamedElement(self.name, self), *(sp.sympify(a, strict=True) for a in arguments))
+
+
+def declared_arguments(element: str, given: Any) -> list[str]:
+    """Names of the arguments of an element: one or more, each once."""
+    where = {"table": f"elements.{element}", "key": "arguments"}
+    listed = [given] if isinstance(given, sp.Symbol | str) else given
+    names = [declared_name(argument, "argument", **where) for argument in listed]
+    if not names or len(set(names)) != len(names):
+        what = "no argument" if not names else "an argument twice"
+        raise ModelError(f"the element `{element}` has {what}", **where)
+    return names
 
 
 def harvest(expressions: Iterable[Any]) -> list[Element]:
@@ -95,8 +95,7 @@ def declared_name(name: Any, kind: str, **where: str) -> str:
     """A name as declared, or ModelError that says why it cannot be one."""
     name = name.name if isinstance(name, sp.Symbol) else name
     if problem := name_problem(name):
-        article = "an" if kind[0] in "aeiou" else "a"
-        raise ModelError(f"`{name}` cannot be the name of {article} {kind}: {problem}", token=str(name), **where)
+        raise ModelError(f"`{name}` cannot be the name of {a(kind)}: {problem}", token=str(name), **where)
     return name
 
 

@@ -13,7 +13,7 @@ import sympy as sp
 
 from cadet_sym.errors import ModelError
 from cadet_sym.language.check import linear_noise, no_recursion
-from cadet_sym.language.element import Element, declared_name
+from cadet_sym.language.element import Element, declared_arguments, declared_name
 from cadet_sym.language.entries import CURVE_KEYS, Entries, expression, noise_names, one_of, read_noise
 from cadet_sym.language.groundfile import read_ground
 from cadet_sym.language.measured import INTERPOLATION, OUTSIDE, csv_rows, inline_rows, make_curve, read_text
@@ -156,7 +156,7 @@ class _Document:
         ]
         elements = {}
         for name in names["element"]:
-            elements[name] = len(self._element_entries(name).names("arguments"))
+            elements[name] = len(declared_arguments(name, self._element_entries(name).names("arguments")))
         return Places.declared(**names, elements=elements, travels=self.has("travel"))
 
     def _parameters(self) -> dict[str, Parameter]:

@@ -34,6 +34,11 @@ def name_problem(name: str) -> str | None:
     return None
 
 
+def a(kind: str) -> str:
+    """The kind of a thing with its article."""
+    return f"{'an' if kind[0] in 'aeiou' else 'a'} {kind}"
+
+
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """`; did you mean ...?`, or nothing if no known name is near."""
     near = difflib.get_close_matches(name, list(known), n=3, cutoff=0.6)

@@ -34,6 +34,7 @@ def _sorted_by_need(needs: Mapping[str, set[str]]) -> list[str]:
                 f"the parameters {' -> '.join(f'`{n}`' for n in circle)} need each other in a circle",
                 table="parameters",
                 key=circle[0],
+                token=circle[1],
             )
         done.update(dict.fromkeys(ready))
     return list(done)

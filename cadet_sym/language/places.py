@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from cadet_sym.errors import ModelError
-from cadet_sym.language.names import did_you_mean
+from cadet_sym.language.names import a, did_you_mean
 from cadet_sym.language.scope import Scope
 
 _TABLES = {
@@ -35,8 +35,9 @@ class Places:
         for kind, declared in names.items():
             for name in declared:
                 if name in kinds:
+                    both = "declared twice" if kinds[name] == kind else f"{a(kinds[name])} and {a(kind)}"
                     raise ModelError(
-                        f"`{name}` is a {kinds[name]} and a {kind}: one name, one thing; give one of them another name",
+                        f"`{name}` is {both}: one name, one thing; give one of them another name",
                         table=_TABLES[kind],
                         key=name,
                     )
@@ -51,7 +52,7 @@ class Places:
         """The sentence for a name that should be a state and is not."""
         kind = self.kinds.get(name)
         states = self.of_kind("state")
-        what = f"`{name}` is a {kind}, not a state" if kind else f"there is no state `{name}`"
+        what = f"`{name}` is {a(kind)}, not a state" if kind else f"there is no state `{name}`"
         return what + did_you_mean(name, states)
 
     def _scope(self, place: str, allowed: Iterable[str], **more: object) -> Scope:
@@ -118,7 +119,7 @@ class Places:
                 if name in own or kinds.get(name) == "parameter":
                     other = own.get(name, "parameter")
                     raise ModelError(
-                        f"`{name}` is a {other} and a {kind} of the ground: give one of them another name",
+                        f"`{name}` is {a(other)} and {a(kind)} of the ground: give one of them another name",
                         table="ground",
                         key=name,
                     )

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import sympy as sp
 
 from cadet_sym.errors import ModelError
+from cadet_sym.language.names import a
 from cadet_sym.language.vocabulary import DISTANCE, FUNCTIONS, TIME, ElementCall, der
 
 # what a name of a kind is called, and why it has no business in most places
@@ -69,7 +70,7 @@ class Scope:
             return None
         if name not in self.elements:
             if name in self.kinds and self.kinds[name] != "element":
-                return f"`{name}` is a {self.kinds[name]}, not a function: multiply with `*`"
+                return f"`{name}` is {a(self.kinds[name])}, not a function: multiply with `*`"
             if name in self.kinds:
                 return f"the element `{name}` may not stand in {self.place}"
             return f"undeclared function or element `{name}`{self._near(name, calls=True)}"
@@ -95,7 +96,7 @@ class Scope:
             return f"`der({name})`: the derivative of a state may stand in an output; in a rate, write that rate"
         if kind in ("contact", "state"):
             return f"`der({name})` may not stand in {self.place}"
-        return f"`der` is taken of a contact or a state, and `{name}` is a {kind}"
+        return f"`der` is taken of a contact or a state, and `{name}` is {a(kind)}"
 
     def check(self, expr: sp.Basic) -> None:
         """Raise ModelError for the first name in `expr` that may not stand here."""
