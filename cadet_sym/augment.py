@@ -17,43 +17,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Literal
 
 import sympy as sp
 
+from cadet_sym.contacts import (
+    FilterCopy,
+    Heights,
+    NoiseSource,
+    at_wheel,
+    derivative_of,
+    filter_copies,
+    filter_rates,
+    travel_of,
+)
 from cadet_sym.errors import ModelError
-from cadet_sym.language.expression import DISTANCE, SPEED, SPEED_RATE, TIME, ElementCall, Lookup, der, symbol
-from cadet_sym.language.ground import ShapingFilter
+from cadet_sym.language.expression import DISTANCE, SPEED, TIME, ElementCall, der, symbol
 from cadet_sym.language.model import Model
 
 __all__ = ["AugmentedSystem", "FilterCopy", "NoiseSource", "augment"]
-
-
-@dataclass(frozen=True)
-class NoiseSource:
-    """One white noise as one column of the noise input sees it."""
-
-    name: str
-    domain: Literal["time", "distance"]
-    track: str = ""
-    setback: sp.Expr = sp.S.Zero  # the column is driven by w(s - setback)
-
-
-@dataclass(frozen=True)
-class FilterCopy:
-    """The ground's shaping filter as one set of wheels meets it: one copy per setback of each track."""
-
-    contact: str  # the first contact declared there gives the states their names
-    track: str
-    setback: sp.Expr
-    filter: ShapingFilter
-    start: int  # index of its first state in the augmented system
-    columns: tuple[int, ...]  # its columns of the noise input
-
-    @property
-    def states(self) -> slice:
-        """Where its states are in the augmented system."""
-        return slice(self.start, self.start + len(self.filter.states))
 
 
 @dataclass(frozen=True)
@@ -113,20 +94,18 @@ def augment(model: Model) -> AugmentedSystem:
         stages it needs), or if white noise enters an element, an output or an initial value.
     """
     vehicle_states = tuple(model.vehicle.rates)
-    copies, sources = _filter_copies(model, len(vehicle_states))
-    states = vehicle_states + tuple(
-        symbol(f"{copy.contact}.{name}") for copy in copies for name in copy.filter.states
-    )
+    copies, sources = filter_copies(model, len(vehicle_states))
+    states = vehicle_states + tuple(symbol(f"{copy.contact}.{name}") for copy in copies for name in copy.filter.states)
     noises = tuple(sp.Dummy(source.name, real=True) for source in sources)
-    heights = _Heights(model, copies, states, noises)
+    heights = Heights(model, copies, states, noises)
 
     rates = [heights.substitute(rate, f"rate of `{state}`") for state, rate in model.vehicle.rates.items()]
-    rates += [rate for copy in copies for rate in _filter_rates(copy, states, noises)]
+    rates += [rate for copy in copies for rate in filter_rates(copy, states, noises)]
     named = {symbol(s.name): noise for s, noise in zip(sources, noises, strict=True) if s.domain == "time"}
     rates = [rate.xreplace(named) for rate in rates]
     drift, noise_input = _separate_noise(rates, states, sources, noises)
     offset, initial_map, covariance = _initial_state(model, heights, states, noises)
-    speed, distance, start = _travel(model)
+    speed, distance, start = travel_of(model)
     return AugmentedSystem(
         model=model,
         states=states,
@@ -140,142 +119,9 @@ def augment(model: Model) -> AugmentedSystem:
         initial_map=initial_map,
         initial_covariance=covariance,
         speed=speed,
-        speed_rate=_derivative(speed, TIME),
+        speed_rate=derivative_of(speed, TIME),
         distance=distance,
         start=start,
-    )
-
-
-def _filter_copies(model: Model, first: int) -> tuple[tuple[FilterCopy, ...], tuple[NoiseSource, ...]]:
-    """Give every distinct setback of every track its copy of the filter, and every copy its noise columns."""
-    copies: list[FilterCopy] = []
-    sources: list[NoiseSource] = []
-    if model.noise is not None:
-        sources += [NoiseSource(name, "time") for name in model.noise.names]
-    if model.ground is None:
-        return (), tuple(sources)
-    ground = model.ground.shaping_filter()
-    seen: set[tuple[str, sp.Expr]] = set()
-    for contact, where in model.vehicle.contacts.items():
-        key = (where.track, sp.sympify(where.setback))
-        if key in seen:
-            continue
-        seen.add(key)
-        columns = tuple(range(len(sources), len(sources) + ground.D.cols))
-        sources += [
-            NoiseSource(f"{where.track}.w{j + 1}", "distance", where.track, key[1])
-            for j in range(ground.D.cols)
-        ]
-        copies.append(FilterCopy(contact.name, where.track, key[1], ground, first, columns))
-        first += len(ground.states)
-    return tuple(copies), tuple(sources)
-
-
-def _filter_rates(
-    copy: FilterCopy, states: tuple[sp.Symbol, ...], noises: tuple[sp.Dummy, ...]
-) -> list[sp.Expr]:
-    """Rates of one filter copy in time: xi_dot = V (C xi + D w + o), at s - setback."""
-    xi = sp.Matrix(states[copy.states])
-    w = sp.Matrix([noises[j] for j in copy.columns])
-    rates = copy.filter.C * xi + copy.filter.D * w + copy.filter.offset
-    return [_at_wheel(SPEED * rate, copy) for rate in rates]
-
-
-def _at_wheel(expression: sp.Expr, copy: FilterCopy) -> sp.Expr:
-    """Take what depends on s at the wheel's own place, s - setback."""
-    if copy.setback == 0:
-        return expression
-    return expression.xreplace({DISTANCE: DISTANCE - copy.setback})
-
-
-class _Heights:
-    """What the ground height and its derivatives under each contact are in terms of the filter's states."""
-
-    def __init__(
-        self,
-        model: Model,
-        copies: tuple[FilterCopy, ...],
-        states: tuple[sp.Symbol, ...],
-        noises: tuple[sp.Dummy, ...],
-    ) -> None:
-        self.model, self.states, self.noises = model, states, noises
-        self.copy_of = {
-            contact: next(c for c in copies if (c.track, c.setback) == (w.track, sp.sympify(w.setback)))
-            for contact, w in model.vehicle.contacts.items()
-        }
-        self.known: dict[tuple[sp.Symbol, int], sp.Expr] = {}
-
-    def substitute(self, expression: sp.Expr, where: str) -> sp.Expr:
-        """Replace every contact and its derivatives; white noise stays as its dummy symbol."""
-        table: dict[sp.Basic, sp.Expr] = {}
-        for call in expression.atoms(der):
-            contact, order = call.args
-            if contact in self.copy_of:
-                table[call] = self.derivative(contact, int(order), where)
-        for contact in self.copy_of:
-            if contact in expression.free_symbols:
-                table[contact] = self.derivative(contact, 0, where)
-        # Calls of `der` hold the contact itself: replace them first, and as a whole.
-        calls = {k: v for k, v in table.items() if isinstance(k, der)}
-        return expression.xreplace(calls).xreplace({k: v for k, v in table.items() if k not in calls})
-
-    def derivative(self, contact: sp.Symbol, order: int, where: str) -> sp.Expr:
-        """Derivative of the height with respect to time, by the chain rule along s(t)."""
-        if (contact, order) not in self.known:
-            in_space = self._space_derivatives(contact, order, where)
-            self.known[contact, order] = sp.Add(
-                *(factor * u for factor, u in zip(self._chain(order), in_space, strict=True))
-            )
-        return self.known[contact, order]
-
-    def _space_derivatives(self, contact: sp.Symbol, order: int, where: str) -> list[sp.Expr]:
-        """u, u', ..., u^(order) with respect to s; the last may contain white noise, no earlier one."""
-        copy = self.copy_of[contact]
-        filter_ = copy.filter
-        xi = sp.Matrix(self.states[copy.states])
-        w = sp.Matrix([self.noises[j] for j in copy.columns])
-        row, affine = sp.Matrix(filter_.F), sp.sympify(filter_.profile)
-        derivatives = [(row * xi)[0] + affine]
-        for k in range(1, order + 1):
-            noise = (row * filter_.D).applyfunc(sp.expand)
-            if not noise.is_zero_matrix and k < order:
-                raise ModelError(_too_rough(contact.name, order, order - k, where))
-            row, affine = (
-                row.diff(DISTANCE) + row * filter_.C,
-                (row * filter_.offset)[0] + _derivative(affine, DISTANCE),
-            )
-            derivatives.append((row * xi)[0] + affine + (noise * w)[0])
-        return [_at_wheel(u, copy) for u in derivatives]
-
-    def _chain(self, order: int) -> list[sp.Expr]:
-        """Factors a_j of d^k u / dt^k = sum_j a_j u^(j), from a_j' + a_(j-1) V (Faa di Bruno)."""
-        factors: list[sp.Expr] = [sp.S.One]
-        for _ in range(order):
-            shifted = [sp.S.Zero, *(SPEED * a for a in factors)]
-            grown = [*(self._time_derivative(a) for a in factors), sp.S.Zero]
-            factors = [sp.expand(a + b) for a, b in zip(shifted, grown, strict=True)]
-        return factors
-
-    def _time_derivative(self, factor: sp.Expr) -> sp.Expr:
-        speed = _travel(self.model)[0]
-        jerk = _derivative(_derivative(speed, TIME), TIME) if factor.has(SPEED_RATE) else sp.S.Zero
-        return (
-            sp.diff(factor, SPEED) * SPEED_RATE + sp.diff(factor, SPEED_RATE) * jerk + sp.diff(factor, TIME)
-        )
-
-
-def _derivative(expression: sp.Expr, variable: sp.Symbol) -> sp.Expr:
-    """Derivative of an expression that has kinks; the model has refused jumps where they would matter."""
-    tables = {table: table.as_piecewise() for table in expression.atoms(Lookup)}
-    slope = sp.diff(expression.xreplace(tables), variable)
-    return slope.replace(sp.DiracDelta, lambda *_: sp.S.Zero)
-
-
-def _too_rough(contact: str, order: int, stages: int, where: str) -> str:
-    more = "one more filter stage" if stages == 1 else f"{stages} more filter stages"
-    return (
-        f"{where}: the ground is too rough for `der({contact}, {order})`: its variance would be infinite. "
-        f"It needs {more} between the white noise and the height; add `rolling_contact`."
     )
 
 
@@ -324,7 +170,7 @@ def _refuse_noise_in_elements(expression: sp.Expr, noise: sp.Dummy, where: str, 
 
 def _outputs(
     model: Model,
-    heights: _Heights,
+    heights: Heights,
     rates: list[sp.Expr],
     named: Mapping[sp.Symbol, sp.Dummy],
     noises: tuple[sp.Dummy, ...],
@@ -347,7 +193,7 @@ def _outputs(
 
 
 def _initial_state(
-    model: Model, heights: _Heights, states: tuple[sp.Symbol, ...], noises: tuple[sp.Dummy, ...]
+    model: Model, heights: Heights, states: tuple[sp.Symbol, ...], noises: tuple[sp.Dummy, ...]
 ) -> tuple[sp.ImmutableMatrix, sp.ImmutableMatrix, sp.ImmutableMatrix]:
     """Vehicle state at the start: x(0) = offset + map xi(0) + delta, delta of covariance Sigma."""
     vehicle = tuple(model.vehicle.rates)
@@ -387,15 +233,4 @@ def _intensity(model: Model, copies: Iterable[FilterCopy], size: int) -> sp.Immu
 
 
 def _wheel(copy: FilterCopy) -> Callable[[sp.Expr], sp.Expr]:
-    return lambda expression: _at_wheel(expression, copy)
-
-
-def _travel(model: Model) -> tuple[sp.Expr, sp.Expr | None, sp.Expr]:
-    """Speed, distance (if it is known in closed form) and the place of the start."""
-    travel = model.travel
-    if travel is None:
-        return sp.S.Zero, sp.S.Zero, sp.S.Zero
-    if travel.distance is not None:
-        return _derivative(travel.distance, TIME), travel.distance, travel.distance.xreplace({TIME: sp.S.Zero})
-    speed = sp.sympify(travel.speed)
-    return speed, travel.closed_distance(), sp.sympify(travel.start)
+    return lambda expression: at_wheel(expression, copy)

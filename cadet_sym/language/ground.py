@@ -14,6 +14,7 @@ import sympy as sp
 
 from cadet_sym.errors import ModelError
 from cadet_sym.language.canonical import canonical
+from cadet_sym.language.coherence import Coherence
 from cadet_sym.language.element import declared_name
 from cadet_sym.language.frozen import FrozenDict
 from cadet_sym.language.kinks import breakpoints
@@ -47,6 +48,7 @@ class Ground:
     rolling : cut-off of the rolling contact in rad per unit of length, or None.
     profile : deterministic height as an expression in `s`, or None.
     patch : (length, order) of the contact patch, or None.
+    coherence : what two of the tracks share, or None; tracks are independent otherwise.
     """
 
     kind: str
@@ -54,6 +56,7 @@ class Ground:
     rolling: sp.Expr | None = None
     profile: sp.Expr | None = None
     patch: tuple[sp.Expr, int] | None = None
+    coherence: Coherence | None = None
 
     def rolling_contact(self, cutoff: Any) -> Ground:
         """The same ground under a rolling contact, a first-order low-pass in distance: u' = cutoff (h - u)."""
@@ -74,6 +77,35 @@ class Ground:
         if isinstance(order, bool) or not isinstance(order, int) or not 1 <= order <= 12:
             raise ModelError(f"a filter of order 1 to 12 is wanted, not {order!r}", table="ground", key="contact_patch")
         return replace(self, patch=(_positive(length, "contact_patch"), order))
+
+    def coherent(
+        self,
+        tracks: Sequence[str],
+        numerator: Sequence[Any] = (),
+        denominator: Sequence[Any] = (),
+        *,
+        width: Any = None,
+    ) -> Ground:
+        """The same ground with two coherent tracks.
+
+        Parameters
+        ----------
+        tracks : their names.
+        numerator, denominator : coherence as a rational function: coefficients of kappa^0, kappa^1, ... (rad/length).
+        width : in their place, the distance of the tracks on isotropic ground (see `Coherence.isotropic`).
+        """
+        if width is not None:
+            return replace(self, coherence=Coherence.isotropic(tracks, width))
+        top, bottom = (tuple(canonical(c) for c in part) for part in (numerator, denominator))
+        return replace(self, coherence=Coherence((*tracks,), top, bottom))  # type: ignore[arg-type]
+
+    def filters(self, track: str) -> tuple[tuple[str, ShapingFilter, int], ...]:
+        """What the height along a track is the sum of: (virtual track, filter, weight); one, itself, if it is alone."""
+        road = self.shaping_filter()
+        if self.coherence is None or track not in self.coherence.tracks:
+            return ((track, road, 1),)
+        (pair, common), (apart, difference) = self.coherence.parts(road)
+        return (pair, common, 1), (apart, difference, 1 if track == self.coherence.tracks[0] else -1)
 
     def shaping_filter(self) -> ShapingFilter:
         """The filter in distance, profile, patch and rolling contact included: xi' = C xi + D w + offset."""

@@ -18,7 +18,7 @@ from cadet_sym.language.places import Places
 from cadet_sym.language.scope import Scope
 from cadet_sym.language.vocabulary import DISTANCE, symbol
 
-_COMMON = ("kind", "rolling_contact", "contact_patch", "profile")
+_COMMON = ("kind", "rolling_contact", "contact_patch", "profile", "coherence")
 _TABLE = ("table", "columns", "units", "order")
 
 
@@ -43,7 +43,20 @@ def read_ground(entries: Entries, places: Places, curve: Callable[..., sp.Expr])
         ground = ground.contact_patch(*_patch(entries, scope))
     if "rolling_contact" in entries.content:
         ground = ground.rolling_contact(entries.expression("rolling_contact", scope))
+    if "coherence" in entries.content:
+        ground = _coherent(ground, Entries("ground.coherence", entries.get("coherence", dict)), scope)
     return ground
+
+
+def _coherent(ground: Ground, entries: Entries, scope: Scope) -> Ground:
+    tracks = entries.get("tracks", list)
+    if not all(isinstance(name, str) for name in tracks):
+        raise ModelError("the names of two different tracks are wanted", table="ground.coherence", key="tracks")
+    if "width" in entries.content:
+        entries.only(["tracks", "width"])
+        return ground.coherent(tracks, width=entries.expression("width", scope))
+    entries.only(["tracks", "numerator", "denominator"])
+    return ground.coherent(tracks, *(_coefficients(entries, key, scope) for key in ("numerator", "denominator")))
 
 
 def _profile(entries: Entries, places: Places, curve: Callable[..., sp.Expr]) -> sp.Expr:

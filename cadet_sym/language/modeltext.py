@@ -103,6 +103,10 @@ def _ground(ground: Ground) -> dict[str, Any]:
         entries["contact_patch"] = {"length": entry(ground.patch[0]), "order": ground.patch[1]}
     if ground.rolling is not None:
         entries["rolling_contact"] = entry(ground.rolling)
+    if (shared := ground.coherence) is not None:
+        rational = {"numerator": shared.numerator, "denominator": shared.denominator}
+        lists = {key: [entry(c) for c in part] for key, part in rational.items()}
+        entries["coherence"] = {"tracks": list(shared.tracks), **lists}
     if ground.profile is not None:
         measured = isinstance(ground.profile, Lookup)
         entries["profile"] = curve_entries(ground.profile) if measured else entry(ground.profile)

@@ -30,7 +30,7 @@ def spectral_factor(
     ------
     ModelError : a spectrum that is odd, negative somewhere, infinite at a wavenumber other than 0, or not proper.
     """
-    N, D = _even(numerator, "numerator"), _even(denominator, "denominator")
+    N, D = even(numerator, "numerator"), even(denominator, "denominator")
     if N[-1] < 0 and D[-1] < 0:
         N, D = -N, -D
     if len(N) >= len(D):
@@ -40,16 +40,16 @@ def spectral_factor(
             table="ground",
             key="denominator",
         )
-    _not_negative(N, "numerator", strictly=False)
-    _not_negative(D, "denominator", strictly=True)
-    zeros, poles = _left_roots(N), _left_roots(D)
+    not_negative(N, "numerator", strictly=False)
+    not_negative(D, "denominator", strictly=True)
+    zeros, poles = left_roots(N), left_roots(D)
     gain = np.sqrt(np.pi * sides * N[-1] / D[-1])
     b, a = (np.atleast_1d(np.real(np.poly(roots))) for roots in (zeros, poles))
     b = b * gain
     return [float(c) for c in b[::-1]], [float(c) for c in a[:0:-1]]
 
 
-def _even(coefficients: Sequence[float], key: str) -> np.ndarray:
+def even(coefficients: Sequence[float], key: str) -> np.ndarray:
     """Coefficients in kappa^2, without leading zeros."""
     given = np.asarray(coefficients, float)
     where = {"table": "ground", "key": key}
@@ -63,7 +63,7 @@ def _even(coefficients: Sequence[float], key: str) -> np.ndarray:
     return np.trim_zeros(given[::2], "b")
 
 
-def _not_negative(c: np.ndarray, key: str, *, strictly: bool) -> None:
+def not_negative(c: np.ndarray, key: str, *, strictly: bool) -> None:
     """Refuse a polynomial in x = kappa^2 that is negative for some x >= 0 (or zero for some x > 0)."""
     polynomial = np.polynomial.Polynomial(c)
     slopes = polynomial.deriv().roots() if len(c) > 1 else np.array([])
@@ -81,7 +81,7 @@ def _not_negative(c: np.ndarray, key: str, *, strictly: bool) -> None:
             )
 
 
-def _left_roots(c: np.ndarray) -> np.ndarray:
+def left_roots(c: np.ndarray) -> np.ndarray:
     """Roots p, Re p <= 0, of the polynomial in x = kappa^2 = -p^2; one of each pair +-p."""
     x: Any = np.polynomial.Polynomial(c).roots().astype(complex)
     positive = np.sort(x[(np.abs(x.imag) < 1e-7 * np.abs(x)) & (x.real > 0)].real)
