@@ -69,14 +69,14 @@ def _smooth_derivatives(copy: FilterCopy) -> list[tuple[int, sp.Matrix]]:
 
 
 def _factor_of(system: AugmentedSystem, row: int, copy: FilterCopy, order: int) -> sp.Expr:
-    """What der(u, order) is multiplied by in a rate, for the height u of all contacts that share the copy.
+    """What der(u, order) of the copy's own height u is multiplied by in a rate, through all contacts that hold it.
 
     Only terms count in which the factor depends on time and parameters; white noise enters no other.
     """
     vehicle = system.model.vehicle
     derivative = sp.Dummy()
-    shared = [c for c, w in vehicle.contacts.items() if (w.track, sp.sympify(w.setback)) == (copy.track, copy.setback)]
-    rate = vehicle.rates[system.states[row]].xreplace({der(contact, order): derivative for contact in shared})
+    heights = {der(contact, order): weight * derivative for contact, weight in copy.contacts.items()}
+    rate = vehicle.rates[system.states[row]].xreplace(heights)
     if derivative not in rate.free_symbols:
         return sp.S.Zero
     moving = {derivative, *vehicle.rates, *vehicle.contacts}
