@@ -6,6 +6,7 @@ functions (CADET; Harrison & Hammond, J. Sound Vib. 105(3), 361-371, 1986).
 Read it in the order in which a model passes through it:
 
     language/       what a user writes down: Vehicle + Ground + Travel + Initial = Model
+    contacts.py     the ground as each contact meets it, along s(t)
     augment.py      Model -> AugmentedSystem: ground in distance becomes a system in time
     expectation/    E[f(z)] of a nonlinearity for Gaussian z: its describing function
     linearise.py    AugmentedSystem -> QuasiLinearSystem: linear part and elements
