@@ -11,16 +11,22 @@ import numpy as np
 import sympy as sp
 
 from cadet_sym.errors import ModelError
-from cadet_sym.expectation.quadrature import REACH, Integral, Rule, Wish, lay_out
+from cadet_sym.expectation.quadrature import REACH, Integral, NumpyAlgebra, Rule, Wish, lay_out
 from cadet_sym.language.numeric import evaluate
 
 WARNED = 1e-8
-RULES = tuple(
-    Rule(panels, order, straight=panels)
-    for panels, order in ((3, 10), (4, 10), (4, 12), (4, 16), (5, 20), (8, 24))
+FLOOR = 1e-3  # of the largest value at the same variance: what an error is relative to at least
+SMOOTH = (*(Rule(1, order) for order in (16, 24, 32, 40)), Rule(1, 32, 2), Rule(1, 32, 4))
+POLES = (*(Rule(1, order) for order in (24, 32, 40, 48)), Rule(2, 32), Rule(4, 32))
+TRAPEZOIDAL = tuple(Rule(1, order) for order in (32, 48, 64, 80, 96, 128))
+SINGULAR = (
+    *(Rule(1, 16, 1, graded, power, whole=True) for power, graded in ((2, 32), (2, 40), (3, 40), (3, 48))),
+    Rule(1, 16, 3, 24),
+    Rule(1, 32, 4, 32),
 )
-REFERENCE = Rule(13, 32, 40, 13)
-SPREADS = (0.03, 0.3, 1.0, 3.0, 10.0)
+SINGULAR_POLES = (Rule(2, 16, 4, 24), Rule(3, 24, 4, 32))
+UNCHECKED = 3  # which rule is taken where no numbers are known to check it with
+SPREADS = (0.03, 0.3, 1.0, 3.0, 10.0, 100.0)
 PLACES = (-6.0, -2.5, -1.0, 0.0, 0.7, 2.0, 5.0)
 UNKNOWN = (1.0, 0.7, 1.3)  # numbers tried for a parameter whose value is not known
 
@@ -29,21 +35,31 @@ class ExpectationWarning(UserWarning):
     """An expectation is less accurate than it should be."""
 
 
+def rules(part: Integral) -> tuple[Rule, ...]:
+    """The rules for a piece, the cheapest first."""
+    if any(part.singular):
+        return SINGULAR_POLES if part.steep else SINGULAR
+    if part.is_trapezoidal:
+        return TRAPEZOIDAL
+    return POLES if part.steep else SMOOTH
+
+
+def _reference(part: Integral) -> Rule:
+    """A rule that is far more accurate than any of those tried."""
+    return Rule(1, 200) if part.is_trapezoidal else Rule(6, 32, 6, 60)
+
+
 def chosen(part: Integral, where: str, wish: Wish) -> Integral:
     """The piece with the cheapest rule that is accurate enough; a warning if none is."""
     numbers = _numbers(part, wish.sample)
     if numbers is None:
-        return replace(part, rule=RULES[3], error=wish.error)
+        return replace(part, rule=rules(part)[min(UNCHECKED, len(rules(part)) - 1)], error=wish.error)
     means, spreads = _grid(part, numbers)
-    derivative = part.derivative()
-    checked = [part] if any(part.singular) else [part, derivative]
-    references = [_estimate(replace(p, rule=REFERENCE), numbers, means, spreads) for p in checked]
+    checked = [part] if any(part.singular) else [part, part.derivative()]
+    references = [_Reference(p, numbers, means, spreads) for p in checked]
     error = np.inf
-    for rule in RULES:
-        error = max(
-            _error(_estimate(replace(p, rule=rule), numbers, means, spreads), reference)
-            for p, reference in zip(checked, references, strict=True)
-        )
+    for rule in rules(part):
+        error = max(reference.error(rule) for reference in references)
         if error <= wish.error:
             return replace(part, rule=rule, error=error)
     if error > WARNED:
@@ -53,7 +69,30 @@ def chosen(part: Integral, where: str, wish: Wish) -> Integral:
             ExpectationWarning,
             stacklevel=2,
         )
-    return replace(part, rule=RULES[-1], error=float(error))
+    return replace(part, rule=rules(part)[-1], error=float(error))
+
+
+class _Reference:
+    """Accurate expectations of a piece over a grid, against which rules are held."""
+
+    def __init__(
+        self, part: Integral, numbers: dict[sp.Symbol, float], means: np.ndarray, spreads: np.ndarray
+    ):
+        self.part, self.case = part, (numbers, means, spreads)
+        self.value, sizes = _estimate(replace(part, rule=_reference(part)), *self.case)
+        sizes = np.where(np.isfinite(sizes), sizes, 0.0)
+        _, group = np.unique(spreads, return_inverse=True)
+        largest = np.zeros(group.max() + 1)
+        np.maximum.at(largest, group, sizes)
+        self.scale = sizes + FLOOR * largest[group]
+
+    def error(self, rule: Rule) -> float:
+        """Largest error, relative to E|f| at the mean or to a part of its largest value at any mean."""
+        found, _ = _estimate(replace(self.part, rule=rule), *self.case)
+        with np.errstate(all="ignore"):
+            errors = np.abs(found - self.value) / self.scale
+        errors = errors[np.isfinite(errors) & (self.scale > 0)]
+        return float(errors.max()) if errors.size else 0.0
 
 
 def _numbers(part: Integral, sample: Mapping[sp.Symbol, float]) -> dict[sp.Symbol, float] | None:
@@ -118,15 +157,8 @@ def _estimate(
         ((evaluate(s.centre, numbers) - means) / spreads, evaluate(s.width, numbers) / spreads) for s in part.steep
     ]
     with np.errstate(all="ignore"):
-        pieces = lay_out(part, low, np.maximum(low, high), steep, np, lambda x: x[:, None])
+        pieces = lay_out(part, low, np.maximum(low, high), steep, NumpyAlgebra())
         values = [(_value(part, numbers, means + spreads * n.u), n.weight) for n in pieces]
         total = sum(np.sum(np.where(w == 0, 0, v) * w, axis=0) for v, w in values)
         size = sum(np.sum(np.where(w == 0, 0, np.abs(v)) * w, axis=0) for v, w in values)
     return np.asarray(total), np.asarray(size)
-
-
-def _error(found: tuple[np.ndarray, np.ndarray], reference: tuple[np.ndarray, np.ndarray]) -> float:
-    with np.errstate(all="ignore"):
-        errors = np.abs(found[0] - reference[0]) / np.maximum(reference[1], 1e-280)
-    errors = errors[np.isfinite(errors) & (reference[1] > 1e-12)]
-    return float(errors.max()) if errors.size else 0.0

@@ -21,8 +21,8 @@ from cadet_sym.language.vocabulary import Lookup
 if TYPE_CHECKING:
     from cadet_sym.expectation.describing import DescribingFunction
 
-OUTER = Rule(2, 12, 20, 3)
-OUTER_SMOOTH = Rule(4, 16, 20)
+OUTER = Rule(2, 12, 3)
+OUTER_SMOOTH = Rule(1, 40)
 MAX_CROSSINGS = 4
 INNER_ERROR = 1e-9
 

@@ -1,11 +1,15 @@
-"""Expectations without a closed form: Gauss-Legendre on panels between the moving kinks, denser where f is steep.
+"""Expectations without a closed form: nodes between the moving kinks, denser where f is steep.
 
-With u = (z - m)/s the integral of f(m + s u) phi(u) runs over |u| <= REACH between two kinks. A smooth stretch is cut into
-panels of equal length. A steep place (centre c, width w) splits it. If f has a pole there (at c +- i w: a zero of what
-stands under a root, the middle of a tanh), either side is run through by u = c +- w sinh(tau), which spreads the panels
-evenly over all scales from w to the whole stretch (Johnston & Elliott 2005, Int. J. Numer. Meth. Engng 62, 564). If it has
-a step there (a kink smoothed by a normal distribution of width w), either side is split where the step is over. At an end
-where f has a power that is not an integer, z^q, the first panel is run through by u = a + L t^4.
+With u = (z - m)/s the integral of f(m + s u) phi(u) runs over |u| <= REACH between two kinks.
+
+- A smooth stretch is taken by Gauss-Legendre.
+- A pole of f off the line, at c +- i w (a zero of what stands under a root, the middle of a tanh), splits it, and either side
+  is run through by u = c +- l asinh((w/l) sinh(tau)): nodes spread evenly over all scales from w, as in the sinh substitution
+  of Johnston & Elliott (2005, Int. J. Numer. Meth. Engng 62, 564), up to l, from where on they are equally spaced, as the
+  normal density wants it. On the whole line the same substitution makes one integral of both sides for the trapezoidal rule,
+  which converges geometrically.
+- A step of width w (a kink smoothed by a normal distribution) splits it, and either side is split where the step is over.
+- From an end where f has a power that is not an integer, z^q, it is run through by u = a + t^power.
 
 The same code lays out the nodes in NumPy, where the error is estimated, and in CasADi.
 """
@@ -15,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import sympy as sp
@@ -23,16 +27,51 @@ import sympy as sp
 from cadet_sym.expectation.pieces import Cell
 from cadet_sym.expectation.steep import Steep, singular_at, steep_places
 
-REACH = 8.2  # standard deviations from the mean; 2e-16 of the probability lies beyond
-SINGULAR_LENGTH = 1.5  # of the panel at a singular end, in standard deviations
-SINGULAR_POWER = 4
+REACH = 8.0  # standard deviations from the mean; 1e-15 of the probability lies beyond
+PANEL = 1.5  # length of the panel at a singular end where something else is steep, in standard deviations
 WIDEST = 100.0  # a steep place wider or farther than this many standard deviations is none
 NARROWEST = 1e-13
 TINY = 1e-100
 STEP_REACH = 6.5  # widths beyond which a step is over to 4e-11
+SPACED = 2.0  # l, standard deviations from a pole beyond which nodes are equally spaced
 ROOT_TWO_PI = float(np.sqrt(2 * np.pi))
 
 Number = Any  # float, NumPy array or CasADi SX
+
+
+class Algebra(Protocol):
+    """What laying out nodes needs of NumPy or CasADi."""
+
+    def exp(self, x: Number) -> Number: ...
+    def sqrt(self, x: Number) -> Number: ...
+    def asinh(self, x: Number) -> Number: ...
+    def fabs(self, x: Number) -> Number: ...
+    def fmin(self, x: Number, y: Number) -> Number: ...
+    def fmax(self, x: Number, y: Number) -> Number: ...
+    def where(self, condition: Number, x: Number, y: Number) -> Number: ...
+    def column(self, x: np.ndarray) -> Number: ...
+    def geometric(self, first: Number, step: Number, count: int) -> tuple[Number, Number]: ...
+
+
+class NumpyAlgebra:
+    """The algebra of arrays, columns of constants against rows of cases."""
+
+    exp = staticmethod(np.exp)
+    asinh = staticmethod(np.arcsinh)
+    sqrt = staticmethod(np.sqrt)
+    fabs = staticmethod(np.fabs)
+    fmin = staticmethod(np.fmin)
+    fmax = staticmethod(np.fmax)
+    where = staticmethod(np.where)
+
+    def column(self, x: np.ndarray) -> Number:
+        """Constants, one a row."""
+        return x[:, None]
+
+    def geometric(self, first: Number, step: Number, count: int) -> tuple[Number, Number]:
+        """exp(first + step n), n < count, and its inverse."""
+        grow = np.exp(first + step * np.arange(count)[:, None])
+        return grow, 1 / grow
 
 
 @dataclass(frozen=True)
@@ -40,7 +79,7 @@ class Wish:
     """How accurate an expectation shall be, and for what numbers of the parameters."""
 
     sample: Mapping[sp.Symbol, float]
-    error: float = 2e-12
+    error: float = 2e-11
 
 
 @dataclass(frozen=True)
@@ -49,8 +88,10 @@ class Rule:
 
     panels: int
     order: int
-    singular: int = 20  # nodes of the panel at a singular end
-    straight: int = 4  # panels where nothing is steep
+    straight: int = 1  # panels where nothing is steep
+    graded: int = 20  # nodes of a panel at a singular end
+    power: int = 4  # of the substitution there
+    whole: bool = False  # whether that panel is the whole stretch
 
 
 @dataclass(frozen=True)
@@ -63,21 +104,33 @@ class Integral:
     argument: sp.Symbol
     steep: tuple[Steep, ...] = ()
     singular: tuple[bool, bool] = (False, False)  # at the lower, the upper end; not at both
-    rule: Rule = Rule(4, 16)
+    rule: Rule = Rule(1, 32)
     error: float = field(default=0.0, compare=False)
+
+    @property
+    def is_whole_line(self) -> bool:
+        """Whether there is no kink at either end."""
+        return bool(self.lower.is_infinite and self.upper.is_infinite)
+
+    @property
+    def is_trapezoidal(self) -> bool:
+        """Whether one steep place on the whole line is taken by the trapezoidal rule."""
+        return self.is_whole_line and len(self.steep) == 1 and not self.steep[0].step
 
     @property
     def nodes(self) -> int:
         """Points at which the expression is evaluated."""
-        zones = 2 if any(place.step for place in self.steep) else 1
-        panels = self.rule.panels * zones * sum(place.sides for place in self.steep)
-        graded = 0
+        rule, zones = self.rule, 2 if any(place.step for place in self.steep) else 1
+        if self.is_trapezoidal:
+            return rule.order
+        if any(self.singular) and not self.steep:
+            return rule.graded if rule.whole else rule.graded + rule.straight * rule.order
+        if not self.steep:
+            return rule.straight * rule.order
+        panels = rule.panels * zones * sum(place.sides for place in self.steep)
         if any(self.singular):
-            panels += (2 if self.steep else 1) * self.rule.straight - self.rule.panels * zones * bool(self.steep)
-            graded = self.rule.singular * (3 if self.steep else 1)
-        elif not self.steep:
-            panels = self.rule.straight
-        return self.rule.order * panels + graded
+            return 3 * rule.graded + (panels - rule.panels * zones + 2 * rule.straight) * rule.order
+        return panels * rule.order
 
     def derivative(self) -> Integral:
         """The same for the derivative of the expression."""
@@ -101,15 +154,16 @@ def legendre(order: int) -> tuple[np.ndarray, np.ndarray]:
     return (nodes + 1) / 2, weights / 2
 
 
-def _composite(rule: Rule) -> tuple[np.ndarray, np.ndarray]:
+@cache
+def composite(panels: int, order: int) -> tuple[np.ndarray, np.ndarray]:
     """Nodes and weights on [0, 1] of panels of equal length."""
-    nodes, weights = legendre(rule.order)
-    starts = np.arange(rule.panels)[:, None]
-    return ((starts + nodes) / rule.panels).ravel(), np.tile(weights / rule.panels, rule.panels)
+    nodes, weights = legendre(order)
+    starts = np.arange(panels)[:, None]
+    return ((starts + nodes) / panels).ravel(), np.tile(weights / panels, panels)
 
 
 def lay_out(
-    part: Integral, low: Number, high: Number, steep: list[tuple[Number, Number]], xp: Any, column: Any
+    part: Integral, low: Number, high: Number, steep: list[tuple[Number, Number]], xp: Algebra
 ) -> list[Nodes]:
     """Nodes on the stretch from low to high, which lies within reach.
 
@@ -117,13 +171,17 @@ def lay_out(
     ----------
     low, high : ends of the stretch in u; the true ends if within reach, else -REACH, REACH.
     steep : centre and width in u of each of `part.steep`.
-    xp : `numpy` or `casadi`.
-    column : makes a column of constants, as `xp` wants it.
+    xp : the algebra of the numbers.
     """
-    layout = _Layout(part, xp, column, mirrored=part.singular[1])
+    layout = _Layout(part, xp)
     if part.singular[1]:  # the singular end comes first
         low, high, steep = -high, -low, [(-centre, width) for centre, width in steep]
-    nodes = layout.split(low, high, steep) if steep else layout.smooth(low, high)
+    if part.is_trapezoidal:
+        nodes = [layout.trapezoidal(low, high, *steep[0])]
+    elif steep:
+        nodes = layout.split(low, high, steep)
+    else:
+        nodes = layout.smooth(low, high)
     return [layout.finished(n, low) for n in nodes]
 
 
@@ -132,23 +190,17 @@ class _Place:
     """A steep place inside the stretch, and how both its sides are run through."""
 
     centre: Number
-    width: Number  # of the place itself
     scale: Number  # on which the sides are graded
     over: Number  # where a step is over; far away for a pole
 
 
-@dataclass
 class _Layout:
     """Lays out one stretch; the singular end, if there is one, is the lower one."""
 
-    part: Integral
-    xp: Any
-    column: Any
-    mirrored: bool
-
-    def __post_init__(self):
-        self.t, self.w = (self.column(x) for x in _composite(self.part.rule))
-        self.singular = any(self.part.singular)
+    def __init__(self, part: Integral, xp: Algebra):
+        self.part, self.rule, self.xp = part, part.rule, xp
+        self.singular, self.mirrored = any(part.singular), part.singular[1]
+        self.has_steps = any(place.step for place in part.steep)
 
     def finished(self, nodes: Nodes, end: Number) -> Nodes:
         """The nodes with their distance from a singular end, turned round if the stretch was."""
@@ -157,37 +209,67 @@ class _Layout:
         distance = self.xp.fmax(nodes.u - end if nodes.distance is None else nodes.distance, TINY)
         return replace(nodes, u=-nodes.u if self.mirrored else nodes.u, distance=distance)
 
+    # -- nothing steep --------------------------------------------------------------------------------------------
+
     def smooth(self, low: Number, high: Number) -> list[Nodes]:
         """Panels of equal length, and a graded one at a singular end."""
-        if self.singular:
-            return self.from_end(low, high - low)
-        return [self.straight(low, high)]
+        if not self.singular:
+            return [self.straight(low, high)]
+        return [self.graded(low, 0.0, high - low)] if self.rule.whole else self.from_end(low, high - low)
 
     def straight(self, low: Number, high: Number) -> Nodes:
         """Panels of equal length, which may be as long as the whole stretch."""
-        t, w = (self.column(x) for x in _composite(replace(self.part.rule, panels=self.part.rule.straight)))
+        t, w = (self.xp.column(x) for x in composite(self.rule.straight, self.rule.order))
         u = low + (high - low) * t
-        return Nodes(u, w * (high - low) * _density(u, self.xp))
+        return Nodes(u, w * (high - low) * self.density(u))
 
     def from_end(self, end: Number, length: Number) -> list[Nodes]:
         """From a singular end inwards: a graded panel, then straight ones."""
-        first = self.xp.fmin(length, SINGULAR_LENGTH)
+        first = self.xp.fmin(length, PANEL)
         return [self.graded(end, 0.0, first), self.straight(end + first, end + length)]
 
     def graded(self, end: Number, start: Number, stop: Number) -> Nodes:
-        """From start to stop away from a singular end, by u = end + t^4."""
-        t, w = (self.column(x) for x in legendre(self.part.rule.singular))
-        first, last = _fourth_root(start, self.xp), _fourth_root(stop, self.xp)
-        tau = first + (last - first) * t
-        distance = tau**SINGULAR_POWER
-        weight = SINGULAR_POWER * tau ** (SINGULAR_POWER - 1) * (last - first) * w
-        u = end + distance
+        """From start to stop away from a singular end, by u = end + t^power."""
+        t, w = (self.xp.column(x) for x in legendre(self.rule.graded))
+        power = self.rule.power
         at_end = isinstance(start, float) and start == 0
-        return Nodes(u, weight * _density(u, self.xp), distance, stop if at_end else None)
+        if at_end:
+            distance = stop * t**power
+            weight = stop * (power * t ** (power - 1) * w)
+        else:
+            first, last = self.root(start), self.root(stop)
+            tau = first + (last - first) * t
+            distance = tau**power
+            weight = power * tau ** (power - 1) * (last - first) * w
+        u = end + distance
+        return Nodes(u, weight * self.density(u), distance, stop if at_end else None)
+
+    def root(self, x: Number) -> Number:
+        """The inverse of the substitution at a singular end, of power 4."""
+        return self.xp.sqrt(self.xp.sqrt(x + TINY))
+
+    def density(self, u: Number) -> Number:
+        """phi(u)."""
+        return self.xp.exp(u * u * -0.5) * (1 / ROOT_TWO_PI)
+
+    # -- steep places ---------------------------------------------------------------------------------------------
+
+    def trapezoidal(self, low: Number, high: Number, centre: Number, width: Number) -> Nodes:
+        """The whole line in equal steps of tau, u = c + width sinh(tau)."""
+        count = self.rule.order
+        centre, width = _projected(centre, width, low, high, self.xp)
+        length = self.xp.sqrt(width * width + SPACED**2)
+        first = -self.substituted(centre - low, width, length)
+        last = self.substituted(high - centre, width, length)
+        step = (last - first) / (count - 1)
+        distance, slope = self.distances(*self.xp.geometric(first, step, count), width, length)
+        u = centre + distance
+        return Nodes(u, step * slope * self.density(u))
 
     def split(self, low: Number, high: Number, steep: list[tuple[Number, Number]]) -> list[Nodes]:
         """Both sides of every steep place, up to half the way to the next one."""
         places = self.sorted_places(low, high, steep)
+        sides = self.part.steep[0]
         nodes: list[Nodes] = []
         for i, place in enumerate(places):
             before = places[i - 1] if i else None
@@ -200,19 +282,17 @@ class _Layout:
                 nodes += self.side(place, after, place.centre - left, -1)
                 nodes += self.away_from_end(low, place, right)
             else:
-                nodes += self.side(place, after, place.centre - left, -1) if self.part.steep[0].left else []
-                nodes += self.side(place, before, right - place.centre, 1) if self.part.steep[0].right else []
+                nodes += self.side(place, after, place.centre - left, -1) if sides.left else []
+                nodes += self.side(place, before, right - place.centre, 1) if sides.right else []
         return nodes
 
-    def sorted_places(
-        self, low: Number, high: Number, steep: list[tuple[Number, Number]]
-    ) -> list[_Place]:
+    def sorted_places(self, low: Number, high: Number, steep: list[tuple[Number, Number]]) -> list[_Place]:
         """The places in order, those outside moved to the nearest end."""
         rows = []
         for (centre, width), kind in zip(steep, self.part.steep, strict=True):
             inside, wide = _projected(centre, width, low, high, self.xp)
             scale, over = (WIDEST, STEP_REACH * wide) if kind.step else (wide, WIDEST)
-            rows.append((inside, wide, scale, over))
+            rows.append((inside, scale, over))
         return [_Place(*row) for row in _sorted(rows, self.xp)]
 
     def side(self, place: _Place, other: _Place | None, length: Number, sign: int) -> list[Nodes]:
@@ -222,8 +302,8 @@ class _Layout:
             far = xp.fabs(place.centre - other.centre)
             scale = xp.fmin(scale, xp.sqrt(far**2 + other.scale**2))
             rest = other.over - far
-            over = xp.fmin(over, xp.fmax(rest, 0) + (rest <= 0) * WIDEST)
-        if not any(kind.step for kind in self.part.steep):
+            over = xp.fmin(over, xp.where(rest > 0, rest, WIDEST))
+        if not self.has_steps:
             return [self.stretched(place.centre, scale, 0.0, length, sign)]
         over = xp.fmin(over, 0.45 * length)
         return [
@@ -232,21 +312,35 @@ class _Layout:
         ]
 
     def stretched(self, centre: Number, width: Number, start: Number, end: Number, sign: int) -> Nodes:
-        """From start to end away from the centre, by u = c +- width sinh(tau)."""
-        xp = self.xp
-        first, last = _asinh(start / width, xp), _asinh(end / width, xp)
-        grow = xp.exp(first + (last - first) * self.t)
-        u = centre + sign * (width / 2) * (grow - 1 / grow)
-        weight = self.w * (last - first) * (width / 2) * (grow + 1 / grow) * _density(u, xp)
-        return Nodes(u, weight)
+        """From start to end away from a pole."""
+        t, w = (self.xp.column(x) for x in composite(self.rule.panels, self.rule.order))
+        length = self.xp.sqrt(width * width + SPACED**2)
+        first, last = self.substituted(start, width, length), self.substituted(end, width, length)
+        grow = self.xp.exp(first + (last - first) * t)
+        distance, slope = self.distances(grow, 1 / grow, width, length)
+        u = centre + sign * distance
+        return Nodes(u, w * (last - first) * slope * self.density(u))
+
+    def substituted(self, distance: Number, width: Number, length: Number) -> Number:
+        """tau at a distance from a pole: sinh(tau) = (l/w) sinh(distance/l)."""
+        if isinstance(distance, float) and distance == 0:
+            return 0.0
+        grow = self.xp.exp(distance / length)
+        return self.xp.asinh((length / width / 2) * (grow - 1 / grow))
+
+    def distances(self, grow: Number, fall: Number, width: Number, length: Number) -> tuple[Number, Number]:
+        """Distance from a pole and its derivative in tau, where exp(tau) = grow = 1/fall."""
+        half = width / 2
+        ratio = (half / length) * (grow - fall)
+        return length * self.xp.asinh(ratio), half * (grow + fall) / self.xp.sqrt(ratio * ratio + 1)
 
     def away_from_end(self, end: Number, place: _Place, right: Number) -> list[Nodes]:
         """The side of the first place that looks away from a singular end, perhaps a very near one."""
         xp = self.xp
         length = right - end
         start = place.centre - end
-        over = start + xp.fmin(xp.fmin(place.over, SINGULAR_LENGTH), 0.45 * (length - start))
-        last = xp.fmin(xp.fmax(over, SINGULAR_LENGTH), length)
+        over = start + xp.fmin(xp.fmin(place.over, PANEL), 0.45 * (length - start))
+        last = xp.fmin(xp.fmax(over, PANEL), length)
         return [
             self.graded(end, start, over),
             self.graded(end, over, last),
@@ -254,36 +348,26 @@ class _Layout:
         ]
 
 
-def _density(u: Number, xp: Any) -> Number:
-    return xp.exp(-u * u / 2) / ROOT_TWO_PI
-
-
-def _asinh(x: Number, xp: Any) -> Number:
-    return xp.log(x + xp.sqrt(x * x + 1))
-
-
-def _fourth_root(x: Number, xp: Any) -> Number:
-    return xp.sqrt(xp.sqrt(x + TINY)) if not isinstance(x, float) else x**0.25
-
-
-def _projected(centre: Number, width: Number, low: Number, high: Number, xp: Any) -> tuple[Number, Number]:
+def _projected(centre: Number, width: Number, low: Number, high: Number, xp: Algebra) -> tuple[Number, Number]:
     """A steep place outside the stretch acts on its nearest end, as wide as it is far."""
     inside = xp.fmin(xp.fmax(centre, low), high)
     far = xp.fmin(xp.fabs(centre - inside), WIDEST)
     return inside, xp.fmin(xp.sqrt(xp.fmin(width, WIDEST) ** 2 + far**2) + NARROWEST, WIDEST)
 
 
-def _sorted(rows: list[tuple[Number, ...]], xp: Any) -> list[tuple[Number, ...]]:
+def _sorted(rows: list[tuple[Number, ...]], xp: Algebra) -> list[tuple[Number, ...]]:
     """Sort by the first entries with compare-exchange steps, which work on symbols."""
-    where = xp.if_else if hasattr(xp, "if_else") else xp.where
     rows = list(rows)
     for last in range(len(rows) - 1, 0, -1):
         for i in range(last):
             a, b = rows[i], rows[i + 1]
             swap = a[0] > b[0]
-            rows[i] = tuple(where(swap, v, u) for u, v in zip(a, b, strict=True))
-            rows[i + 1] = tuple(where(swap, u, v) for u, v in zip(a, b, strict=True))
+            rows[i] = tuple(xp.where(swap, v, u) for u, v in zip(a, b, strict=True))
+            rows[i + 1] = tuple(xp.where(swap, u, v) for u, v in zip(a, b, strict=True))
     return rows
+
+
+# -- what is laid out -------------------------------------------------------------------------------------------------
 
 
 def integrals(cell: Cell, value: sp.Expr, z: sp.Symbol, where: str, wish: Wish) -> Iterator[Integral]:

@@ -20,6 +20,7 @@ from cadet_sym.expectation.closed_form import (
 from cadet_sym.expectation.existence import require_expectation
 from cadet_sym.expectation.pieces import Cell, Splitter
 from cadet_sym.expectation.quadrature import Integral, Wish, integrals
+from cadet_sym.expectation.steep import singular_at
 from cadet_sym.expectation.tables import Table, tables_in
 
 
@@ -103,17 +104,27 @@ def _is_summable(parts: Iterable[tuple[sp.Expr, sp.Expr]], cell: Cell) -> bool:
 
 
 def _jumps(cells: Iterable[tuple[Cell, sp.Expr]], z: sp.Symbol) -> dict[sp.Expr, list[sp.Expr]]:
+    """Jumps of the function and its derivatives at the ends of cells; of derivatives not at a singular end."""
     at: dict[sp.Expr, sp.Expr] = defaultdict(lambda: sp.S.Zero)
+    singular: set[sp.Expr] = set()
     for cell, value in cells:
         for bound, sign in ((cell.lower, 1), (cell.upper, -1)):
             if not bound.is_infinite:
                 at[bound] += sign * cell.indicated(value)
+                if singular_at(value, z, bound):
+                    singular.add(bound)
     result = {}
     for position, change in at.items():
-        sizes = []
-        for _ in range(JUMPS_KEPT):
-            size = normal(change.subs(z, position))
-            sizes.append(size if size.is_finite is not False and size is not sp.nan else sp.S.Zero)
+        sizes = [_value_at(change, z, position)]
+        while len(sizes) < JUMPS_KEPT:
             change = sp.diff(change, z)
+            sizes.append(sp.S.Zero if position in singular else _value_at(change, z, position))
         result[position] = sizes
     return result
+
+
+def _value_at(expr: sp.Expr, z: sp.Symbol, position: sp.Expr) -> sp.Expr:
+    """Value at an end, where a power of zero is zero: one that is not has no jump that could be counted."""
+    value = expr.subs(z, position).replace(lambda e: isinstance(e, sp.Pow) and e.base == 0, lambda e: sp.S.Zero)
+    value = normal(value)
+    return sp.S.Zero if value.has(sp.zoo, sp.nan, sp.oo) else value

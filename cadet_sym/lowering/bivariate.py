@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import casadi as ca
 
@@ -26,6 +27,12 @@ def orthant(h: ca.SX, k: ca.SX, rho: ca.SX) -> ca.SX:
     (Q(h) + Q(k))/2 - T(h, a) - T(k, b) with Owen's T and a, b the tangents of the angles under which the corner (h, k) is
     seen from the feet of the two sides: D. B. Owen, Ann. Math. Statist. 27 (1956), 1075.
     """
+    return _orthant_function()(h, k, rho)
+
+
+@cache
+def _orthant_function() -> ca.Function:
+    h, k, rho = ca.SX.sym("h"), ca.SX.sym("k"), ca.SX.sym("rho")
     rest = one_minus_square(rho)
     r = ca.sqrt(rest)
     tails = [density(x) * mills_ratio(x) for x in (h, k)]
@@ -34,7 +41,7 @@ def orthant(h: ca.SX, k: ca.SX, rho: ca.SX) -> ca.SX:
     hA, kA = ca.if_else(near, 1, h), ca.if_else(near, 1, k)
     first = _owen(h, tails[0], kA - rho * hA, hA * r, r, near)
     second = _owen(k, tails[1], hA - rho * kA, kA * r, r, near)
-    return (tails[0] + tails[1]) / 2 - first - second
+    return ca.Function("orthant", [h, k, rho], [(tails[0] + tails[1]) / 2 - first - second])
 
 
 def _owen(h: ca.SX, tail: ca.SX, rise: ca.SX, run: ca.SX, r: ca.SX, near: ca.SX) -> ca.SX:

@@ -30,8 +30,8 @@ def to_casadi(expr: sp.Basic, env: Mapping[sp.Symbol, ca.SX]) -> ca.SX:
 class Lowering:
     """Converts expressions under one meaning of the symbols; remembers what it has converted."""
 
-    def __init__(self, env: Mapping[sp.Symbol, ca.SX]):
-        self.env = env
+    def __init__(self, env: Mapping[sp.Symbol, ca.SX], *, split_powers: bool = False):
+        self.env, self.split_powers = env, split_powers
         self.done: dict[sp.Basic, ca.SX] = {}
 
     def convert(self, expr: sp.Basic) -> ca.SX:
@@ -83,6 +83,10 @@ class Lowering:
             return ca.sqrt(self.convert(base))
         if power == -sp.S.Half:
             return 1 / ca.sqrt(self.convert(base))
+        if self.split_powers and power.is_Rational and not 0 < power < 1:
+            # x^q and x^(q - 1) share their costly factor; not at x = 0, where the slope of the product is undefined
+            whole = sp.floor(power)
+            return self.convert(base ** (power - whole)) * _integer_power(self.convert(base), int(whole))
         return self.convert(base) ** self.convert(power)
 
 

@@ -9,9 +9,10 @@ import casadi as ca
 import sympy as sp
 
 from cadet_sym.expectation.closed_form import Kink, PiecewiseForm, Segment, Term
-from cadet_sym.expectation.quadrature import REACH, Integral, Nodes, lay_out
+from cadet_sym.expectation.quadrature import REACH, Integral, lay_out
 from cadet_sym.expectation.steep import about_end
 from cadet_sym.expectation.univariate import Univariate
+from cadet_sym.lowering.algebra import CasadiAlgebra
 from cadet_sym.lowering.complex import Complex, complex_exp, select
 from cadet_sym.lowering.expressions import Lowering
 from cadet_sym.lowering.special import clipped, density, hermite, magnitude, mills_moments, positive_part
@@ -38,6 +39,7 @@ class Gaussian:
         self.s = ca.sqrt(self.v)
         self.densities: dict[sp.Expr, tuple[ca.SX, ca.SX]] = {}
         self.tilts: dict[tuple[sp.Expr, ...], Tilt] = {}
+        self.panels: dict[Integral, _Panels] = {}
         self.tails: dict[tuple[sp.Expr, ...], tuple[ca.SX, list[Complex]]] = {}
 
     def value(self, expr: sp.Expr) -> ca.SX:
@@ -169,56 +171,62 @@ class Gaussian:
         return ca.fmin(ca.fmax((self.value(position) - self.m) / self.s, -REACH), REACH)
 
     def _integral(self, part: Integral, order: int) -> ca.SX:
-        low = ca.SX(-REACH) if part.lower.is_infinite else self.within(part.lower)
-        high = ca.SX(REACH) if part.upper.is_infinite else ca.fmax(low, self.within(part.upper))
-        steep = [((self.value(p.centre) - self.m) / self.s, self.value(p.width) / self.s) for p in part.steep]
-        nodes = lay_out(part, low, high, steep, ca, ca.DM)
-        if any(part.singular):
-            total = _SingularPart(self, part, order).total(nodes, low, high)
+        if part not in self.panels:
+            self.panels[part] = _Panels(self, part)
+        return self.panels[part].total(order)
+
+
+class _Panels:
+    """A piece laid out once; its nodes and what is evaluated there are shared by the value and the derivatives.
+
+    A piece with a singular end is taken in the distance from it, x = |z - k|, so that x^q is exact.
+    """
+
+    def __init__(self, gaussian: Gaussian, part: Integral):
+        g = self.gaussian = gaussian
+        self.low = ca.SX(-REACH) if part.lower.is_infinite else g.within(part.lower)
+        self.high = ca.SX(REACH) if part.upper.is_infinite else ca.fmax(self.low, g.within(part.upper))
+        steep = [((g.value(p.centre) - g.m) / g.s, g.value(p.width) / g.s) for p in part.steep]
+        self.nodes = lay_out(part, self.low, self.high, steep, CasadiAlgebra())
+        self.side = part.singular[1] - part.singular[0]
+        if self.side:
+            end = part.upper if self.side > 0 else part.lower
+            self.symbol = sp.Dummy("x", positive=True)
+            self.value = about_end(part.value, part.argument, end, self.side, self.symbol)
+            self.gap = beyond_reach(g, end, self.side)
+            points = [g.s * (n.distance + self.gap) for n in self.nodes]
         else:
-            for _ in range(order):
-                part = part.derivative()
-            parts = (ca.dot(n.weight, self.at(part.value, part.argument, self.m + self.s * n.u)) for n in nodes)
-            total = sum(parts, start=ca.SX(0))
-        return ca.if_else(high > low, total, 0)
+            self.symbol, self.value = part.argument, part.value
+            points = [g.m + g.s * n.u for n in self.nodes]
+        self.lowerings = [Lowering({**g.env, self.symbol: z}, split_powers=True) for z in points]
 
-    def at(self, expr: sp.Expr, symbol: sp.Symbol, points: ca.SX) -> ca.SX:
-        """An expression in a symbol at a column of points."""
-        values = ca.SX(Lowering({**self.env, symbol: points}).convert(expr))
-        return values if values.shape == points.shape else ca.repmat(values, *points.shape)
-
-
-class _SingularPart:
-    """A piece with a singular end, taken in the distance from it, x = |z - k|, so that x^q is exact."""
-
-    def __init__(self, gaussian: Gaussian, part: Integral, order: int):
-        self.gaussian, self.order = gaussian, order
-        self.side = 1 if part.singular[1] else -1
-        end = part.upper if part.singular[1] else part.lower
-        self.x = sp.Dummy("x", positive=True)
-        self.value = about_end(part.value, part.argument, end, self.side, self.x)
-        self.gap = beyond_reach(gaussian, end, self.side)
-
-    def total(self, nodes: list[Nodes], low: ca.SX, high: ca.SX) -> ca.SX:
+    def total(self, order: int) -> ca.SX:
         """E of the piece, or of its derivative."""
-        end = high if self.side > 0 else low
-        return sum((self._panel(n, end) for n in nodes), start=ca.SX(0))
+        if self.side and order:
+            value = sum((self._slope(i) for i in range(len(self.nodes))), start=ca.SX(0))
+        else:
+            expr = sp.diff(self.value, self.symbol, order) if order else self.value
+            value = sum((self._sum(i, expr) for i in range(len(self.nodes))), start=ca.SX(0))
+        return ca.if_else(self.high > self.low, value, 0)
 
-    def _panel(self, nodes: Nodes, end: ca.SX) -> ca.SX:
-        g = self.gaussian
-        distances = g.s * (nodes.distance + self.gap)
-        if self.order == 0:
-            return ca.dot(nodes.weight, g.at(self.value, self.x, distances))
-        slope = -self.side * sp.diff(self.value, self.x)
-        plain = ca.dot(nodes.weight, g.at(slope, self.x, distances))
+    def _sum(self, i: int, expr: sp.Expr, factor: ca.SX | float = 1.0) -> ca.SX:
+        weight = self.nodes[i].weight * factor
+        values = ca.SX(self.lowerings[i].convert(expr))
+        return ca.dot(weight, values if values.shape == weight.shape else ca.repmat(values, *weight.shape))
+
+    def _slope(self, i: int) -> ca.SX:
+        """The derivative; where the singular end is within reach by parts, for f' may be infinite there."""
+        g, nodes = self.gaussian, self.nodes[i]
+        plain = self._sum(i, -self.side * sp.diff(self.value, self.symbol))
         if nodes.length is None:
             return plain
-        # Where the end is within reach, by parts, for f' may be infinite there.
-        origin = self.value.subs(self.x, 0)
+        origin = self.value.subs(self.symbol, 0)
         change = self.value - origin if origin.is_finite else self.value
-        boundary = g.at(change, self.x, g.s * nodes.length) * density(end - self.side * nodes.length)
-        inner = ca.dot(nodes.weight * nodes.u, g.at(change, self.x, distances))
-        return ca.if_else(self.gap > 0, plain, (inner - self.side * boundary) / g.s)
+        last = Lowering({**g.env, self.symbol: g.s * nodes.length}).convert(change)
+        end = self.high if self.side > 0 else self.low
+        boundary = last * density(end - self.side * nodes.length)
+        parts = (self._sum(i, change, nodes.u) - self.side * boundary) / g.s
+        return ca.if_else(self.gap > 0, plain, parts)
 
 
 def beyond_reach(gaussian: Gaussian, end: sp.Expr, side: int) -> ca.SX:

@@ -9,6 +9,7 @@ import casadi as ca
 from cadet_sym.expectation.describing import DescribingFunction
 from cadet_sym.expectation.nested import Crossing, Nested, Slice
 from cadet_sym.expectation.quadrature import REACH, Nodes, lay_out
+from cadet_sym.lowering.algebra import CasadiAlgebra
 from cadet_sym.lowering.bivariate import one_minus_square
 from cadet_sym.lowering.gaussian import Gaussian, beyond_reach
 
@@ -76,7 +77,7 @@ class _Conditioning:
             ((outer.value(p.centre) - outer.m) / outer.s, outer.value(p.width) / outer.s)
             for p in part.steep[len(crossings) :]
         ]
-        return lay_out(part, low, high, steep, ca, ca.DM)
+        return lay_out(part, low, high, steep, CasadiAlgebra())
 
     def _crossing(self, crossing: Crossing) -> tuple[ca.SX, ca.SX]:
         """Where the mean of another argument, given the outer one, passes its kink, and over what width."""

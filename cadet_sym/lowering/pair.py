@@ -17,9 +17,8 @@ import sympy as sp
 from cadet_sym.expectation.closed_form import PiecewiseForm, Term
 from cadet_sym.expectation.univariate import Univariate
 from cadet_sym.lowering.bivariate import one_minus_square, orthant
-from cadet_sym.lowering.complex import Complex
 from cadet_sym.lowering.gaussian import Gaussian
-from cadet_sym.lowering.special import clipped, density, hermite, magnitude, mills_moments
+from cadet_sym.lowering.special import hermite, magnitude
 
 
 @dataclass
@@ -36,10 +35,16 @@ class Pair:
         self.rho = ca.if_else(rho > 1, 1, ca.if_else(rho < -1, -1, rho))
         self.bounded = self.rho * self.x.s * self.y.s  # the covariance that two such variances allow
         self.corners: dict[tuple[sp.Expr, sp.Expr], _Corner] = {}
+        self.tails: dict[sp.Expr, _Tail] = {}
+        self.conditionals: dict[sp.Expr, Gaussian] = {}
+        self.other: Pair | None = None
 
     def swapped(self) -> Pair:
         """The same with the arguments exchanged."""
-        return Pair(self.y, self.x, self.covariance)
+        if self.other is None:
+            self.other = Pair(self.y, self.x, self.covariance)
+            self.other.other = self
+        return self.other
 
     def expectation(self, f: Univariate, g: Univariate, orders: tuple[int, int]) -> ca.SX:
         """E[f^(i)(x) g^(j)(y)], impulses at jumps included."""
@@ -97,7 +102,7 @@ class Pair:
     def _tails_times_segments(self, a: PiecewiseForm, b: PiecewiseForm) -> ca.SX:
         total = ca.SX(0)
         for kink in a.kinks:
-            tail = _Tail(self, kink.position)
+            tail = self.tails.setdefault(kink.position, _Tail(self, kink.position))
             changes = _coefficients(kink.terms)
             for segment in b.segments:
                 value = ca.SX(0)
@@ -117,9 +122,11 @@ class Pair:
 
     def given(self, position: sp.Expr) -> Gaussian:
         """Y where X is at a point; the point is kept within reach of the mean of X."""
-        _, u = self.x.density(position)
-        p = self.y.v * one_minus_square(self.rho)
-        return Gaussian(self.y.m - self.rho * self.y.s * u, p, self.y.env)
+        if position not in self.conditionals:
+            _, u = self.x.density(position)
+            p = self.y.v * one_minus_square(self.rho)
+            self.conditionals[position] = Gaussian(self.y.m - self.rho * self.y.s * u, p, self.y.env)
+        return self.conditionals[position]
 
     def _impulses(
         self, f: Univariate, i: int, g: Univariate, j: int, *, regular_only: bool = False
@@ -212,17 +219,12 @@ def _at(pair: Pair, k: sp.Expr, l: sp.Expr, j: int) -> ca.SX:
     """E[delta(x - k) t_j(y)], t_j the tail at l as seen from the unconditional mean of y."""
     given = pair.given(k)
     h = given.m - given.value(l)
-    u = clipped(h / given.s)
-    above = u >= 0
-    part = density(u) * given.s**j * mills_moments(Complex(magnitude(u)), j + 1)[j].real
-    tail = part if j % 2 else ca.if_else(above, -part, part)
     whole = [ca.SX(1), h]
     for n in range(2, j + 1):
         whole.append(h * whole[n - 1] + (n - 1) * given.p * whole[n - 2])
-    _, w = pair.y.density(l)
-    shift = ca.if_else(above, 1, 0) - ca.if_else(w >= 0, 1, 0)
+    shift = ca.if_else(h >= 0, 1, 0) - ca.if_else(pair.y.m >= pair.y.value(l), 1, 0)
     phi, _ = pair.x.density(k)
-    return phi / pair.x.s * (tail + shift * whole[j])
+    return phi / pair.x.s * (given.tail_moment(l, j) + shift * whole[j])
 
 
 def _derivative(form: PiecewiseForm, order: int) -> PiecewiseForm:

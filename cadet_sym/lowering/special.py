@@ -76,13 +76,20 @@ def positive_part(x: ca.SX) -> ca.SX:
 
 
 def mills_ratio(x: ca.SX) -> ca.SX:
-    """(1 - Phi(x))/phi(x) for x >= 0, to 4e-16 relative."""
+    """(1 - Phi(x))/phi(x) for x >= 0, to 4e-16 relative; of every entry of a column."""
+    return _mills_function()(x.T).T if x.numel() > 1 else _mills_function()(x)
+
+
+@cache
+def _mills_function() -> ca.Function:
+    """Made once: a call is put in line at a fraction of the cost of building the polynomial anew."""
+    x = ca.SX.sym("x")
     t = MILLS_SCALE / (MILLS_SCALE + x)
     y = 2 * t - 1
     total = ca.SX(MILLS[-1])
     for coefficient in reversed(MILLS[:-1]):
         total = total * y + coefficient
-    return t * total
+    return ca.Function("mills", [x], [t * total])
 
 
 def upper_tail(x: ca.SX) -> ca.SX:
@@ -96,15 +103,21 @@ def complex_mills_ratio(x: Complex) -> Complex:
 
     J. A. C. Weideman, "Computation of the complex error function", SIAM J. Numer. Anal. 31 (1994), 1497.
     """
+    return Complex(*_complex_mills_function()(x.real, x.imaginary))
+
+
+@cache
+def _complex_mills_function() -> ca.Function:
+    parts = ca.SX.sym("x"), ca.SX.sym("y")
     scale, coefficients = _weideman()
-    q = x * (1 / math.sqrt(2))
+    q = Complex(*parts) * (1 / math.sqrt(2))
     t = (Complex(ca.SX(scale)) + q).inverse()
     Z = (Complex(ca.SX(scale)) - q) * t
     total = Complex(ca.SX(coefficients[-1]))
     for coefficient in reversed(coefficients[:-1]):
         total = total * Z + Complex(ca.SX(coefficient))
-    value = total * t * t * 2.0 + t * (1 / math.sqrt(math.pi))
-    return value * math.sqrt(math.pi / 2)
+    value = (total * t * t * 2.0 + t * (1 / math.sqrt(math.pi))) * math.sqrt(math.pi / 2)
+    return ca.Function("complex_mills", list(parts), [value.real, value.imaginary])
 
 
 @cache
@@ -140,10 +153,22 @@ def mills_moments(x: Complex, count: int, *, far: bool = False) -> list[Complex]
 
 def _fractions(x: Complex, count: int) -> list[Complex]:
     """r_n/r_(n-1), n = 1 .. count - 1, by the continued fraction r_n/r_(n-1) = n/(x + r_(n+1)/r_n)."""
+    if x.imaginary is None:
+        return [Complex(q) for q in ca.vertsplit(_fraction_function(count, False)(x.real))]
+    values = ca.vertsplit(_fraction_function(count, True)(x.real, x.imaginary))
+    return [Complex(a, b) for a, b in zip(values[: count - 1], values[count - 1 :], strict=True)]
+
+
+@cache
+def _fraction_function(count: int, is_complex: bool) -> ca.Function:
+    parts = [ca.SX.sym("x"), ca.SX.sym("y")][: 1 + is_complex]
+    x = Complex(*parts)
     last = count + FRACTION_TERMS
     tail = x.inverse() * float(last)
     quotients: list[Complex] = []
     for n in reversed(range(1, last)):
         tail = (x + tail).inverse() * float(n)
         quotients.append(tail)
-    return quotients[::-1][: count - 1]
+    kept = quotients[::-1][: count - 1]
+    rows = [q.real for q in kept] + [q.imaginary for q in kept if q.imaginary is not None]
+    return ca.Function("fractions", parts, [ca.vertcat(*rows)])
