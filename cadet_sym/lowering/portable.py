@@ -16,7 +16,7 @@ from cadet_sym.lowering.system import LoweredSystem
 
 __all__ = ["PortableFunctions", "portable"]
 
-LARGEST_START = 60_000
+LARGEST_START = 20_000
 """Operations up to which the moments at the start are exported as a function of the parameters."""
 
 

@@ -1,0 +1,317 @@
+"""Write the moment equations of a model as a C99 library that needs nothing but libm.
+
+The equations come from CasADi's graphs (`program`), what integrates and solves them from templates that are the same
+for every model. The text depends on the model and on the versions of cadet-sym and CasADi alone: no date, path or host.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.metadata import version
+from importlib.resources import files as resources
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from cadet_sym.errors import SolverError
+from cadet_sym.export.description import equations_text
+from cadet_sym.export.folder import check_folder, write_folder
+from cadet_sym.export.names import c_comment, c_string, identifiers, prefix_of
+from cadet_sym.export.program import Program, constant, translate
+from cadet_sym.lowering.portable import PortableFunctions, portable
+from cadet_sym.lowering.system import LoweredSystem
+from cadet_sym.solve.breakpoints import find_breakpoints
+from cadet_sym.solve.transient import integrate
+
+__all__ = ["Library", "Run", "export_c", "library"]
+
+Array = npt.NDArray[np.float64]
+
+SCALARS = ("t", "s", "V")
+
+SOURCES: Mapping[str, tuple[str, ...]] = {
+    # what is appended to the library's name: the functions in that file
+    "_rate": ("rate", "slope"),
+    "_jacobian": ("jacobian",),
+    "_outputs": ("outputs",),
+    "_held": ("held", "held_jacobian", "held_outputs"),
+    "_start": ("initial", "motion", "switches"),
+}
+
+TEMPLATES = ("linear", "propagate", "stationary", "breakpoints")
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a library starts from: the parameters' numbers, the moments at the start, the model's own run."""
+
+    p: Array
+    start: Array
+    duration: float
+    points: int
+
+
+def export_c(
+    lowered: LoweredSystem, run: Run, path: str | Path, *, prefix: str | None = None, force: bool = False
+) -> Path:
+    """Write the library to a folder, whole or not at all.
+
+    Parameters
+    ----------
+    lowered : the moment equations.
+    run : parameters and start that become the library's defaults.
+    path : folder to write to; made if it is missing.
+    prefix : what all public names begin with; by default the model's name.
+    force : write to a folder that holds other files, too.
+
+    Raises
+    ------
+    ExportError
+        If an operation has no C, the folder is not ours, or it cannot be written to; nothing is written then.
+    """
+    check_folder(path, force=force)
+    written = library(lowered, run, prefix)
+    return write_folder(path, written.files(), written.about, force=force)
+
+
+def library(lowered: LoweredSystem, run: Run, prefix: str | None = None) -> Library:
+    """Translate everything, write nothing."""
+    model = lowered.equations.quasi_linear.system.model
+    functions = portable(lowered)
+    name = prefix_of(prefix or model.name or "model")
+    programs = {
+        key: translate(getattr(functions, key), f"{name}_{getattr(functions, key).name()}", SCALARS)
+        for keys in SOURCES.values()
+        for key in keys
+        if getattr(functions, key) is not None
+    }
+    return Library(lowered, functions, programs, run, name)
+
+
+@dataclass(frozen=True, eq=False)
+class Library:
+    """A model's library as text."""
+
+    lowered: LoweredSystem
+    functions: PortableFunctions
+    programs: Mapping[str, Program]
+    run: Run
+    prefix: str
+
+    @property
+    def about(self) -> dict[str, str]:
+        """What wrote it."""
+        return {
+            "written by": "cadet-sym",
+            "kind": "C library",
+            "model": self.model_name,
+            "prefix": self.prefix,
+            "cadet-sym": version("cadet-sym"),
+            "casadi": ca.__version__,
+        }
+
+    @property
+    def model_name(self) -> str:
+        """The model's own name."""
+        return self.lowered.equations.quasi_linear.system.model.name
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the augmented states."""
+        return self.lowered.equations.states
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+        return tuple(self.lowered.equations.quasi_linear.outputs)
+
+    @cached_property
+    def pattern(self) -> ca.Sparsity:
+        """Places of the Jacobian's entries."""
+        return self.functions.jacobian.sparsity_out(0)
+
+    def files(self) -> dict[str, str]:
+        """Name to content of every file."""
+        name = self.prefix
+        found = {f"{name}.h": self._filled("header.h", self._header()), f"{name}_real.h": self._filled("real.h")}
+        found[f"{name}.c"] = self._tables()
+        for suffix, keys in SOURCES.items():
+            parts = [self.programs[key].text for key in keys if key in self.programs]
+            found[f"{name}{suffix}.c"] = f'#include "{name}_real.h"\n\n' + "\n".join(parts)
+        for template in TEMPLATES:
+            found[f"{name}_{template}.c"] = self._filled(f"{template}.c", {"switches": self._switches[1]})
+        sources = sorted(file for file in found if file.endswith(".c"))
+        found["main.c"] = self._filled("main.c")
+        found["test.c"] = self._filled("test.c")
+        found["reference.h"] = self._reference()
+        found["Makefile"] = self._filled("Makefile", {"objects": " ".join(f"{s[:-2]}.o" for s in sources)})
+        found["CMakeLists.txt"] = self._filled("CMakeLists.txt", {"sources": " ".join(sources)})
+        found["README.md"] = self._readme()
+        return found
+
+    def _filled(self, template: str, values: Mapping[str, object] | None = None) -> str:
+        text = resources("cadet_sym.export").joinpath("templates", template).read_text(encoding="utf-8")
+        for key, value in {**(values or {}), "p": self.prefix, "P": self.prefix.upper()}.items():
+            text = text.replace(f"@{key}@", str(value))
+        return text
+
+    @property
+    def _switches(self) -> tuple[int, int]:
+        """Functions of t alone, and all, whose changes of sign are breakpoints."""
+        first, second = (self.functions.switches.size1_out(k) for k in range(2))
+        return first, first + second
+
+    def _header(self) -> dict[str, object]:
+        packing = self.lowered.equations.packing
+        alongside = [", the distance"] * packing.distance + [", the ground between the wheels"] * bool(packing.ground)
+        upper = self.prefix.upper()
+        return {
+            "title": c_comment(self.model_name or self.prefix),
+            "version": version("cadet-sym"),
+            "casadi": ca.__version__,
+            "states": packing.n,
+            "parameters": len(self.lowered.parameters),
+            "outputs": len(self.outputs),
+            "moments": packing.moments,
+            "size": packing.size,
+            "alongside": "".join(alongside),
+            "nonzeros": self.pattern.nnz(),
+            "time_switches": self._switches[0],
+            "switches": self._switches[1],
+            "distance": int(packing.distance),
+            "operations": "\n".join(f" * {line}" for line in self._costs()),
+            "rate_operations": self.programs["rate"].operations,
+            "output_operations": self.programs["outputs"].operations,
+            "initial_note": "" if "initial" in self.programs else "; at the default parameters, whatever p says",
+            "state_enum": _enumeration(f"{upper}_STATE_", "states", self.states),
+            "parameter_enum": _enumeration(f"{upper}_PARAMETER_", "parameters", self._described_parameters()),
+            "output_enum": _enumeration(f"{upper}_OUTPUT_", "outputs", self.outputs),
+        }
+
+    def _described_parameters(self) -> dict[str, str]:
+        """Parameters with what the model says about them."""
+        declared = self.lowered.equations.quasi_linear.system.model.parameters
+        return {
+            name: ", ".join(part for part in (name, declared[name].text, declared[name].unit) if part)
+            for name in self.lowered.parameters
+        }
+
+    def _costs(self) -> Iterable[str]:
+        for key in ("rate", "jacobian", "outputs"):
+            counts = ", ".join(f"{count} {kind}" for kind, count in self.programs[key].counts.items())
+            yield from textwrap.wrap(f"{key}: {counts or 'nothing'}", 110, subsequent_indent="  ")
+
+    def _tables(self) -> str:
+        name, pattern = self.prefix, self.pattern
+        columns, rows = pattern.colind(), pattern.row()
+        V = float(self.lowered.motion(0.0, self.run.p)[0])
+        parts = [
+            f'#include "{name}_real.h"\n',
+            f"const char *const {name}_model = {c_string(self.model_name)};",
+            _array(f"const char *const {name}_state_names", map(c_string, self.states)),
+            _array(f"const char *const {name}_parameter_names", map(c_string, self.lowered.parameters)),
+            _array(f"const char *const {name}_output_names", map(c_string, self.outputs)),
+            _array(f"const R {name}_default_parameters", map(constant, self.run.p.tolist())),
+            f"const R {name}_duration = {constant(self.run.duration)};",
+            f"const int {name}_points = {self.run.points};",
+            f"const R {name}_start_speed = {constant(V)};",
+            _array(f"const int {name}_jacobian_column", map(str, columns)),
+            _array(f"const int {name}_jacobian_row", map(str, rows)),
+        ]
+        if "initial" not in self.programs:
+            start = _array("static const R start", map(constant, self.run.start.tolist()))
+            copy = f"for (int i = 0; i < {name.upper()}_SIZE; i++)\n        y[i] = start[i];"
+            parts += [
+                start,
+                f"void {name}_initial(const R *restrict p, R *restrict y)\n{{\n    (void)p;\n    {copy}\n}}",
+            ]
+        return "\n".join(parts) + "\n"
+
+    def _reference(self) -> str:
+        """Numbers that Python computed, rounded so that another machine's libm gives the same text."""
+        end, y = self._sample()
+        p, functions = self.run.p, self.functions
+        y = np.array([float(f"{value:.9g}") for value in y])
+        numbers: dict[str, Iterable[float]] = {
+            "initial": self.run.start,
+            "sample_y": y,
+            "final": y,
+            "rate": np.asarray(functions.rate(end, y, p)).ravel(),
+            "jacobian": np.array(functions.jacobian(end, y, p).nonzeros()),
+            "output_mean": np.asarray(functions.outputs(end, y, p)[0]).ravel(),
+            "output_variance": np.asarray(functions.outputs(end, y, p)[1]).ravel(),
+        }
+        lines = [
+            "/* What cadet-sym computed; see test.c. */",
+            f"static const double sample_t = {end!r};",
+            f"static const double run_end = {end!r};",
+            f"static const int breakpoint_count = {len(find_breakpoints(self.lowered, p, self.run.duration))};",
+        ]
+        for key, values in numbers.items():
+            rounded = [f"{float(value):.12g}" for value in values]
+            lines.append(_array(f"static const double {key}", rounded))
+        return "\n".join(lines) + "\n"
+
+    def _sample(self) -> tuple[float, Array]:
+        """A time in the run and the moments there; the start itself if the run breaks down."""
+        large = self.lowered.equations.packing.size > 200
+        end = float(f"{self.run.duration / (20 if large else 1):.6g}")
+        breakpoints = find_breakpoints(self.lowered, self.run.p, self.run.duration)
+        if not end > 0:
+            return 0.0, self.run.start
+        try:
+            found = integrate(
+                self.lowered, self.run.start, self.run.p, np.array([end]), rtol=1e-9, breakpoints=breakpoints
+            )
+        except SolverError:
+            return 0.0, self.run.start
+        return end, found.y[-1]
+
+    def _readme(self) -> str:
+        name, upper = self.prefix, self.prefix.upper()
+        packing = self.lowered.equations.packing
+        equations = "\n".join(f"    {line}".rstrip() for line in equations_text(self.lowered.equations))
+        costs = "\n".join(f"    {line}" for line in self._costs())
+        return self._filled(
+            "README.md",
+            {
+                "title": self.model_name or name,
+                "text": self.lowered.equations.quasi_linear.system.model.text,
+                "equations": equations,
+                "costs": costs,
+                "version": version("cadet-sym"),
+                "casadi": ca.__version__,
+                "size": packing.size,
+                "states": packing.n,
+                "step_operations": 4 * self.programs["rate"].operations + 13 * packing.size + 4,
+                "scratch": max(program.scratch for program in self.programs.values()),
+                "upper": upper,
+            },
+        )
+
+
+def _enumeration(prefix: str, title: str, names: Sequence[str] | Mapping[str, str]) -> str:
+    """An enum with one member a name; comments give the names as the model has them."""
+    if not names:
+        return f"/* no {title} */"
+    comments = names if isinstance(names, Mapping) else {name: name for name in names}
+    members = [
+        f"    {prefix}{word} = {k}{',' if k + 1 < len(names) else ''} /* {c_comment(comments[name])} */"
+        for k, (name, word) in enumerate(identifiers(names).items())
+    ]
+    return "\n".join([f"enum {{ /* {title} */", *members, "};"])
+
+
+def _array(declaration: str, values: Iterable[str]) -> str:
+    """A C array, at least one long, for C has no empty ones."""
+    items = list(values) or ["0"]
+    body = textwrap.fill(", ".join(items), 116, initial_indent="    ", subsequent_indent="    ",
+                         break_long_words=False, break_on_hyphens=False)
+    if any('"' in item for item in items):
+        body = ",\n".join(f"    {item}" for item in items)
+    return f"{declaration}[{len(items)}] = {{\n{body}\n}};"

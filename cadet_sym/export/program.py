@@ -1,0 +1,231 @@
+"""Turn a CasADi function of scalar operations into C.
+
+CasADi's own generator wraps every function in an interface of its own and leaves one block of code, however long.
+This one writes each operation as one constant, in the order in which CasADi evaluates them (so that the results are
+the same to the last bits), and cuts long functions into blocks that a compiler takes in linear time; what a later block
+needs of an earlier one goes through a scratch array.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+
+import casadi as ca
+
+from cadet_sym.errors import ExportError
+
+__all__ = ["Program", "translate"]
+
+BLOCK = 1500
+"""Operations of one C function; compile time grows faster than its length."""
+
+OPERATIONS: Mapping[str, tuple[str, str]] = {
+    # CasADi's operation: what it is counted as, and its C
+    "ASSIGN": ("moves", "{0}"),
+    "LIFT": ("moves", "{0}"),
+    "ADD": ("additions", "{0} + {1}"),
+    "SUB": ("additions", "{0} - {1}"),
+    "NEG": ("additions", "-{0}"),
+    "TWICE": ("additions", "{0} + {0}"),
+    "MUL": ("multiplications", "{0} * {1}"),
+    "SQ": ("multiplications", "{0} * {0}"),
+    "DIV": ("divisions", "{0} / {1}"),
+    "INV": ("divisions", "K(1.0) / {0}"),
+    "SQRT": ("square roots", "M(sqrt)({0})"),
+    "LT": ("comparisons", "(R)({0} < {1})"),
+    "LE": ("comparisons", "(R)({0} <= {1})"),
+    "EQ": ("comparisons", "(R)({0} == {1})"),
+    "NE": ("comparisons", "(R)({0} != {1})"),
+    "NOT": ("comparisons", "(R)({0} == K(0.0))"),
+    "AND": ("comparisons", "(R)({0} != K(0.0) && {1} != K(0.0))"),
+    "OR": ("comparisons", "(R)({0} != K(0.0) || {1} != K(0.0))"),
+    "IF_ELSE_ZERO": ("comparisons", "{0} != K(0.0) ? {1} : K(0.0)"),
+    "SIGN": ("comparisons", "{0} < K(0.0) ? K(-1.0) : {0} > K(0.0) ? K(1.0) : {0}"),
+    "FABS": ("comparisons", "M(fabs)({0})"),
+    "COPYSIGN": ("comparisons", "M(copysign)({0}, {1})"),
+    "FMIN": ("comparisons", "M(fmin)({0}, {1})"),
+    "FMAX": ("comparisons", "M(fmax)({0}, {1})"),
+    "FLOOR": ("comparisons", "M(floor)({0})"),
+    "CEIL": ("comparisons", "M(ceil)({0})"),
+    "POW": ("function calls", "M(pow)({0}, {1})"),
+    "CONSTPOW": ("function calls", "M(pow)({0}, {1})"),
+    "ATAN2": ("function calls", "M(atan2)({0}, {1})"),
+    "FMOD": ("function calls", "M(fmod)({0}, {1})"),
+    "REMAINDER": ("function calls", "M(remainder)({0}, {1})"),
+    "HYPOT": ("function calls", "M(hypot)({0}, {1})"),
+    **{
+        name.upper(): ("function calls", f"M({name})({{0}})")
+        for name in (
+            *("exp", "log", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh"),
+            *("asinh", "acosh", "atanh", "erf", "expm1", "log1p"),
+        )
+    },
+}
+
+
+@dataclass(frozen=True)
+class Program:
+    """A function in C: its text, and what one evaluation costs."""
+
+    name: str
+    text: str
+    scratch: int  # values that go from block to block, on the stack
+    counts: Mapping[str, int] = field(default_factory=dict)  # operations of one evaluation, by kind
+
+    @property
+    def operations(self) -> int:
+        """Arithmetic operations, comparisons and function calls of one evaluation."""
+        return sum(self.counts.values())
+
+
+@dataclass(frozen=True)
+class _Step:
+    """One operation, or one result written: everything it refers to by its text or the step that made it."""
+
+    kind: str  # of OPERATIONS, or the text of a result's place
+    operands: tuple[str | int, ...]  # text, or index of a step
+
+
+def translate(function: ca.Function, name: str, scalars: Sequence[str] = ()) -> Program:
+    """Write an expanded CasADi function as C.
+
+    Parameters
+    ----------
+    function : made of SX.
+    name : of the C function; its arguments have the names of the function's inputs and outputs.
+    scalars : inputs that are passed by value.
+
+    Raises
+    ------
+    ExportError
+        If an operation has no C.
+    """
+    steps = _steps(function, scalars)
+    used = _last_uses(steps)
+    blocks = [range(k, min(k + BLOCK, len(steps))) for k in range(0, len(steps), BLOCK)] or [range(0)]
+    slots, scratch = _slots(steps, used, blocks)
+    outputs = function.name_out()
+    signature = ", ".join(
+        [f"R {x}" if x in scalars else f"const R *restrict {x}" for x in function.name_in()]
+        + [f"R *restrict {x}" for x in outputs]
+    )
+    inputs = function.name_in()
+    texts = []
+    if len(blocks) == 1:
+        unused = _unused(inputs + outputs, steps)
+        body = [f"    (void){x};" for x in unused] + _body(steps, blocks[0], blocks, slots)
+        texts.append("\n".join([f"void {name}({signature})", "{", *body, "}"]))
+    else:
+        calls, local = [], f"part_of_{function.name()}"
+        for k, block in enumerate(blocks):
+            texts.append("\n".join([f"static void {local}_{k}({signature}, R *restrict w)", "{"]))
+            missing = _unused([*inputs, *outputs], [steps[i] for i in block])
+            lines = [f"    (void){x};" for x in [*missing, "w"]]
+            texts[-1] += "\n" + "\n".join([*lines, *_body(steps, block, blocks, slots), "}"])
+            calls.append(f"    {local}_{k}({', '.join([*inputs, *outputs, 'w'])});")
+        texts.append("\n".join([f"void {name}({signature})", "{", f"    R w[{max(scratch, 1)}];", *calls, "}"]))
+    counts = Counter(OPERATIONS[step.kind][0] for step in steps if step.kind in OPERATIONS)
+    counts.pop("moves", None)
+    return Program(name, "\n\n".join(texts) + "\n", scratch, dict(sorted(counts.items())))
+
+
+@cache
+def _operation_names() -> dict[int, str]:
+    return {getattr(ca, name): name[3:] for name in dir(ca) if name.startswith("OP_")}
+
+
+def _steps(function: ca.Function, scalars: Sequence[str]) -> list[_Step]:
+    """The operations in the order of evaluation, work registers resolved to the step that filled them."""
+    if not function.is_a("SXFunction"):
+        raise ExportError(f"`{function.name()}` is not made of scalar operations and cannot be written as C")
+    names, inputs, outputs = _operation_names(), function.name_in(), function.name_out()
+    register: dict[int, str | int] = {}
+    steps: list[_Step] = []
+    for k in range(function.n_instructions()):
+        kind = names[function.instruction_id(k)]
+        into = function.instruction_output(k)
+        if kind == "CONST":
+            register[into[0]] = constant(function.instruction_constant(k))
+        elif kind == "INPUT":
+            which, entry = function.instruction_input(k)
+            register[into[0]] = inputs[which] if inputs[which] in scalars else f"{inputs[which]}[{entry}]"
+        elif kind == "OUTPUT":
+            source = register[function.instruction_input(k)[0]]
+            steps.append(_Step(f"{outputs[into[0]]}[{into[1]}]", (source,)))
+        elif kind in OPERATIONS:
+            operands = tuple(register[i] for i in function.instruction_input(k))
+            register[into[0]] = len(steps)
+            steps.append(_Step(kind, operands))
+        else:
+            raise ExportError(
+                f"the operation `{kind.lower()}` in `{function.name()}` has no counterpart in C; "
+                "write the model without it"
+            )
+    return steps
+
+
+def constant(value: float) -> str:
+    """A number as C, to its last bit."""
+    if value != value:
+        return "(R)NAN"
+    if value in (float("inf"), float("-inf")):
+        return "(R)INFINITY" if value > 0 else "(-(R)INFINITY)"
+    return f"{'TINY' if 0 < abs(value) < 1e-30 else 'K'}({value!r})"
+
+
+def _last_uses(steps: Sequence[_Step]) -> dict[int, int]:
+    used: dict[int, int] = {}
+    for k, step in enumerate(steps):
+        for operand in step.operands:
+            if isinstance(operand, int):
+                used[operand] = k
+    return used
+
+
+def _slots(steps: Sequence[_Step], used: Mapping[int, int], blocks: Sequence[range]) -> tuple[dict[int, int], int]:
+    """A place in the scratch array for every value that a later block needs; places are used again."""
+    slots: dict[int, int] = {}
+    free: list[int] = []
+    returned: dict[int, list[int]] = {}
+    count = 0
+    for b, block in enumerate(blocks):
+        free += returned.pop(b, [])
+        for k in block:
+            if used.get(k, -1) < block.stop:
+                continue
+            slot = free.pop() if free else count
+            count += slot == count
+            slots[k] = slot
+            returned.setdefault(used[k] // BLOCK + 1, []).append(slot)
+    return slots, count
+
+
+def _body(steps: Sequence[_Step], block: range, blocks: Sequence[range], slots: Mapping[int, int]) -> list[str]:
+    """The lines of one block."""
+
+    def place(operand: str | int) -> str:
+        if isinstance(operand, str):
+            return operand
+        return f"a{operand}" if operand in block else f"w[{slots[operand]}]"
+
+    lines = []
+    for k in block:
+        step = steps[k]
+        operands = [place(operand) for operand in step.operands]
+        if step.kind not in OPERATIONS:
+            lines.append(f"    {step.kind} = {operands[0]};")
+            continue
+        lines.append(f"    const R a{k} = {OPERATIONS[step.kind][1].format(*operands)};")
+        if k in slots:
+            lines.append(f"    w[{slots[k]}] = a{k};")
+    return lines
+
+
+def _unused(names: Sequence[str], steps: Sequence[_Step]) -> list[str]:
+    """Arguments that no step refers to."""
+    seen = {operand.partition("[")[0] for step in steps for operand in step.operands if isinstance(operand, str)}
+    seen |= {step.kind.partition("[")[0] for step in steps if step.kind not in OPERATIONS}
+    return [name for name in names if name not in seen]
