@@ -294,6 +294,27 @@ class CompiledModel:
             version=version("cadet-sym"),
         )
 
+    def export_c(self, path: str | Path, *, prefix: str | None = None, force: bool = False) -> Path:
+        """Write the moment equations as a C99 library with a propagator and a stationary solver; returns the folder.
+
+        Parameters
+        ----------
+        path : folder to write to, whole or not at all; made if it is missing.
+        prefix : what all public names of the library begin with; by default the model's name.
+        force : write to a folder that holds files that are not ours, too; they stay.
+
+        Raises
+        ------
+        ModelError
+            If the ground has no stationary state to start from, or the covariance is not positive semidefinite.
+        ExportError
+            If something cannot be exported or written; nothing is written then.
+        """
+        from cadet_sym.export.c import Run, export_c
+
+        run = Run(self.parameter_vector(), self.initial(), self.model.number(self.model.run.duration), self.model.run.points)
+        return export_c(self.functions, run, path, prefix=prefix, force=force)
+
     def _history(self, trajectory: Trajectory, p: Array) -> MomentHistory:
         mean, covariance = self.equations.packing.unpack(trajectory.y)
         k = len(trajectory.time)
