@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cadet_sym.augment import augment
-from cadet_sym.delay import CHOICES, choose_grid
+from cadet_sym.delay import CHOICES
 from cadet_sym.errors import ModelError
 from cadet_sym.language.model import Model
 from cadet_sym.language.modelfile import load
@@ -31,14 +32,15 @@ from cadet_sym.solve.start import profile_mean
 from cadet_sym.solve.stationary import StationaryPoint, stationary_point
 from cadet_sym.solve.steady import steady_start
 from cadet_sym.solve.transient import Trajectory, integrate
+from cadet_sym.solve.wheels import present_error, suitable_grid
 
 __all__ = ["CompiledModel", "compile"]
 
 Array = npt.NDArray[np.float64]
 
 
-GRID_TOLERANCE = 1e-6
-"""Error accepted in what the ground between two wheels does, when the grid there is chosen automatically."""
+COARSE = 1e-2
+"""Estimated error of the grid between the wheels (conservative, by 1 to 100) above which there is a warning."""
 
 
 def compile(model: Model | str | Path, *, grid: tuple[int, int] | None = None) -> CompiledModel:
@@ -61,7 +63,9 @@ def compile(model: Model | str | Path, *, grid: tuple[int, int] | None = None) -
     equations = moment_equations(quasi_linear, grid or CHOICES[0])
     if grid is None and equations.delay is not None:
         coarse = CompiledModel(model, lower(equations))
-        (best, _) = coarse.wheel_grid()
+        still = np.zeros(equations.packing.moments)
+        duration = model.number(model.run.duration)
+        best = suitable_grid(coarse.functions, coarse.parameter_vector(), still, duration)
         equations = moment_equations(quasi_linear, best)
     return CompiledModel(model, lower(equations))
 
@@ -131,31 +135,6 @@ class CompiledModel:
             )
         return y
 
-    def wheel_grid(self, y: Array | None = None, p: Array | None = None) -> tuple[tuple[int, int], float]:
-        """The grid between the wheels that suits the gains at the moments y (default: the start), and its error.
-
-        The error is that of the discrete exponential over all gaps and the speeds of the run (see `choose_grid`);
-        speeds below a twentieth of the highest are left out, for there the ground hardly excites anything.
-        """
-        p = self.parameter_vector() if p is None else p
-        delay = self.equations.delay
-        if delay is None:
-            raise ModelError("no track has two wheels: there is no grid between them.")
-        packing = self.equations.packing
-        moments = np.zeros(packing.moments) if y is None else y[: packing.moments]
-        times = np.linspace(0.0, self.model.number(self.model.run.duration), 257)
-        speeds = np.asarray(self.functions.motion.map(len(times))(times[None, :], np.tile(p[:, None], len(times)))[0])
-        fast = np.unique(speeds[speeds >= 0.05 * speeds.max()].round(9)) if speeds.max() > 0 else np.ones(1)
-        setbacks = np.asarray(self.functions.noise(np.zeros(4), p)[2]).ravel()
-        places = [[float(setbacks[columns[0]]) for columns in track.columns] for track in delay.tracks]
-        lengths = np.concatenate([np.diff(place) for place in places])
-        exponents = []
-        for V in fast:
-            N = np.asarray(self.functions.gain_matrix(moments, np.array([0.0, 0.0, V, 0.0]), p))
-            exponents.append(np.outer(lengths / V, np.linalg.eigvals(N)).ravel())
-        rests = bool(np.any(speeds <= 1e-9 * speeds.max()))
-        return choose_grid(np.concatenate(exponents), GRID_TOLERANCE, rests=rests)
-
     def _refuse_drifting_ground(self, p: Array) -> None:
         for copy in self.equations.quasi_linear.system.copies:
             C = np.asarray(filter_matrices(self.functions, copy)(p)[0])
@@ -203,7 +182,7 @@ class CompiledModel:
             rtol=run.rtol if rtol is None else rtol,
             breakpoints=breakpoints,
         )
-        return self._history(trajectory, p)
+        return self._history(trajectory, p, self._wheel_error(trajectory, p))
 
     def frozen(
         self,
@@ -294,6 +273,20 @@ class CompiledModel:
             version=version("cadet-sym"),
         )
 
+    def _wheel_error(self, trajectory: Trajectory, p: Array) -> dict[str, float]:
+        """Estimated error of the grid between the wheels at the end of a run; a warning if it is coarse."""
+        if self.equations.delay is None:
+            return {}
+        moments = trajectory.y[-1, : self.equations.packing.moments]
+        error = present_error(self.functions, p, moments, float(trajectory.time[-1]))
+        if error > COARSE:
+            warnings.warn(
+                f"the ground between the wheels may not be resolved (estimated error {error:.1g}); "
+                "compile the model with a finer grid, for example `cs.compile(model, grid=(8, 10))`",
+                stacklevel=3,
+            )
+        return {"wheel grid error": error}
+
     def export_c(self, path: str | Path, *, prefix: str | None = None, force: bool = False) -> Path:
         """Write the moment equations as a C99 library with a propagator and a stationary solver; returns the folder.
 
@@ -315,13 +308,11 @@ class CompiledModel:
         run = Run(self.parameter_vector(), self.initial(), self.model.number(self.model.run.duration), self.model.run.points)
         return export_c(self.functions, run, path, prefix=prefix, force=force)
 
-    def _history(self, trajectory: Trajectory, p: Array) -> MomentHistory:
+    def _history(self, trajectory: Trajectory, p: Array, more: Mapping[str, float]) -> MomentHistory:
         mean, covariance = self.equations.packing.unpack(trajectory.y)
         k = len(trajectory.time)
         if self.outputs:
-            pairs = self.functions.outputs.map(k)(
-                trajectory.time[None, :], trajectory.y.T, np.tile(p[:, None], k)
-            )
+            pairs = self.functions.outputs.map(k)(trajectory.time[None, :], trajectory.y.T, np.tile(p[:, None], k))
             output_mean, output_variance = (np.asarray(part).T for part in pairs)
         else:
             output_mean = output_variance = np.zeros((k, 0))
@@ -334,7 +325,7 @@ class CompiledModel:
             state_covariance=covariance,
             output_mean=output_mean,
             output_variance=output_variance,
-            provenance=self._provenance(trajectory.engine, trajectory.rtol, trajectory.statistics, p),
+            provenance=self._provenance(trajectory.engine, trajectory.rtol, {**trajectory.statistics, **more}, p),
         )
 
 

@@ -82,6 +82,7 @@ def test_wheels_that_almost_coincide_are_one():
     np.testing.assert_allclose(first.variance["x"], second.variance["x"], rtol=2e-3)
 
 
+@pytest.mark.filterwarnings("ignore:the ground between the wheels")
 @settings(max_examples=8, deadline=None)
 @given(
     nodes=st.integers(2, 7),
@@ -158,3 +159,10 @@ def test_equal_setbacks_written_in_two_ways_are_refused():
     )
     with pytest.raises(cs.ModelError, match="equal setbacks"):
         cs.compile(model)
+
+
+def test_the_automatic_grid_resolves_what_it_should_and_says_how_well():
+    history = cs.compile(two_wheels("12")).propagate([0.0, 2.0], rtol=1e-8)
+    assert history.provenance.statistics["wheel grid error"] <= 1e-6
+    with pytest.warns(UserWarning, match="finer grid"):
+        cs.compile(two_wheels("0.3"), grid=(1, 2)).propagate([0.0, 2.0], rtol=1e-8)

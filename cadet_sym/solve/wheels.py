@@ -1,0 +1,56 @@
+"""How finely the ground between two wheels must be resolved, from the modes that travel across it."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from cadet_sym.delay import choose_grid, grid_error
+from cadet_sym.lowering.system import LoweredSystem
+
+__all__ = ["present_error", "suitable_grid"]
+
+Array = npt.NDArray[np.float64]
+
+TOLERANCE = 1e-6
+"""Error accepted in what the ground between two wheels does, when the grid there is chosen automatically."""
+
+SLOWEST = 0.05
+"""Speeds below this share of the highest are left out: the ground hardly excites anything there."""
+
+
+def suitable_grid(lowered: LoweredSystem, p: Array, moments: Array, duration: float) -> tuple[int, int]:
+    """The cheapest grid that resolves the modes of N at these moments over the speeds of a run (see `choose_grid`)."""
+    exponents, rests = _exponents(lowered, p, moments, duration)
+    return choose_grid(exponents, TOLERANCE, rests=rests)[0]
+
+
+def present_error(lowered: LoweredSystem, p: Array, moments: Array, duration: float) -> float:
+    """Estimated error of the grid that the equations have, for the gains at these moments."""
+    delay = lowered.equations.delay
+    assert delay is not None
+    exponents, _ = _exponents(lowered, p, moments, duration)
+    grids = {(gap.elements, gap.nodes) for track in delay.tracks for gap in track.gaps}
+    return max(grid_error(exponents[exponents.real <= 0], *grid) for grid in grids)
+
+
+def _exponents(
+    lowered: LoweredSystem, p: Array, moments: Array, duration: float
+) -> tuple[npt.NDArray[np.complex128], bool]:
+    """L l/V of all gaps L, speeds V of the run and eigenvalues l of N; and whether the vehicle stands somewhere."""
+    delay = lowered.equations.delay
+    assert delay is not None
+    times = np.linspace(0.0, duration, 257)
+    speeds = np.asarray(lowered.motion.map(len(times))(times[None, :], np.tile(p[:, None], len(times)))[0]).ravel()
+    fastest = float(speeds.max(initial=0.0))
+    moving = np.unique(speeds[speeds >= SLOWEST * fastest].round(9)) if fastest > 0 else np.ones(1)
+    setbacks = np.asarray(lowered.noise(np.zeros(4), p)[2]).ravel()
+    places = [[float(setbacks[columns[0]]) for columns in track.columns] for track in delay.tracks]
+    lengths = np.concatenate([np.diff(place) for place in places])
+    found = []
+    for V in moving[:: max(1, len(moving) // 32)]:
+        N = np.asarray(lowered.gain_matrix(moments, np.array([0.0, 0.0, V, 0.0]), p))
+        # A friction without any motion yet has a gain without bound: its mode dies out within any distance.
+        modes = np.linalg.eigvals(np.clip(np.nan_to_num(N), -1e12, 1e12))
+        found.append(np.outer(lengths / V, modes).ravel())
+    return np.concatenate(found), bool(np.any(speeds <= 1e-9 * fastest))
