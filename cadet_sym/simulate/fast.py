@@ -5,14 +5,19 @@ Imported only when it is wanted, because numba is slow to import. What it comput
 
 from __future__ import annotations
 
+import hashlib
 import math
+import os
+import sys
 from collections.abc import Callable
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numba
 import numpy as np
 from numba import types
+from numba.core import config
 
 from cadet_sym.simulate.curves import PIECE
 from cadet_sym.simulate.program import LANES
@@ -106,8 +111,8 @@ def _draw(state, gamma, out, place, count, bits, late):
 _draw = _jit(_draw)
 
 
-def _follow(laws, k, r, work, ring, place):
-    """Next node of a chain, ring[place:] = laws[k] @ work for all lanes; work holds the node before and deviates.
+def _follow(laws, first, r, work, ring, place):
+    """Next node of a chain, ring[place:] = law @ work for all lanes; work holds the node before and deviates.
 
     Eight lanes at a time in registers; the deviates' part is lower triangular.
     """
@@ -115,7 +120,7 @@ def _follow(laws, k, r, work, ring, place):
         for h in range(0, LANES, 8):
             s0 = s1 = s2 = s3 = s4 = s5 = s6 = s7 = 0.0
             for b in range(r + a + 1):
-                m, w = laws[k, a, b], b * LANES + h
+                m, w = laws[first + 2 * r * a + b], b * LANES + h
                 s0 += m * work[w]
                 s1 += m * work[w + 1]
                 s2 += m * work[w + 2]
@@ -134,43 +139,48 @@ _follow = _jit(_follow)
 
 def _fill(g, n0, n1, G, ring, made, sums, state, gamma):
     """Rows of the nodes n0 .. n1: filter states under each wheel, and noises in time summed since the start."""
-    r, noises = g.size, g.noises
-    work = np.zeros(max(2 * r, noises, 1) * LANES)
+    largest = g.noises
+    for r in g.size:
+        largest = max(largest, 2 * r)
+    work = np.zeros((largest + 1) * LANES)
     bits, late = np.zeros(LANES, np.uint64), np.zeros(LANES + 1, np.int64)
     for node in range(n0, n1 + 1):
-        top = (node - n0) * g.width * LANES
+        top = (node - n0) * g.width
         for track in range(made.shape[0]):
-            base, room = g.ring_start[track] * r * LANES, g.ring_room[track]
+            r, base, room = g.size[track], g.ring_start[track], g.ring_room[track]
             while made[track] < g.pick[g.leader[track], node]:
                 made[track] += 1
                 j = made[track]
-                before = base + ((j - 1) % room) * r * LANES
+                before = (base + ((j - 1) % room) * r) * LANES
                 for l in range(r * LANES):
                     work[l] = ring[before + l]
                 _draw(state[2 + track], gamma[2 + track], work, r * LANES, r, bits, late)
                 law = g.law_of[g.law_start[track] + j - 1]
-                _follow(g.laws, law, r, work, ring, base + (j % room) * r * LANES)
+                _follow(g.laws, law, r, work, ring, (base + (j % room) * r) * LANES)
         for copy in range(g.pick.shape[0]):
             track = g.track_of[copy]
-            o = (g.ring_start[track] + g.pick[copy, node] % g.ring_room[track]) * r * LANES
-            for a in range(r):
-                shift = g.mean[copy, node, a] if g.has_mean else 0.0
+            r, first = g.size[track], g.row_of[copy]
+            o = (g.ring_start[track] + (g.pick[copy, node] % g.ring_room[track]) * r) * LANES
+            for l in range(r * LANES):
+                G[(top + first) * LANES + l] = ring[o + l]
+        if g.has_mean:
+            for a in range(g.mean.shape[1]):
                 for l in range(LANES):
-                    G[top + (copy * r + a) * LANES + l] = ring[o + a * LANES + l] + shift
-        if noises > 0:
+                    G[(top + a) * LANES + l] += g.mean[node, a]
+        if g.noises > 0:
             if node > n0:
-                _draw(state[1], gamma[1], work, 0, noises, bits, late)
-                for l in range(noises * LANES):
+                _draw(state[1], gamma[1], work, 0, g.noises, bits, late)
+                for l in range(g.noises * LANES):
                     sums[l] += g.root_step[node - 1] * work[l]
-            o = top + (g.width - noises) * LANES
-            for l in range(noises * LANES):
+            o = (top + g.width - g.noises) * LANES
+            for l in range(g.noises * LANES):
                 G[o + l] = sums[l]
 
 
 def _run(advance, record, fill, g, map_, fine, coarse, out, state, gamma, behind, delta, R, R2):
     """All paths of a group; `coarse` tables have half the steps of `fine` ones, or none if no pair is wanted."""
     width, paired = g.width, coarse.H.shape[0] > 0
-    ring = np.empty(max(1, g.ring_total * g.size * LANES))
+    ring = np.empty(max(1, g.ring_rows) * LANES)
     made, sums = np.zeros(g.ring_start.shape[0], np.int64), np.zeros(max(1, g.noises) * LANES)
     G = np.zeros((WINDOW + 1) * width * LANES)
     X, Y = np.zeros(delta.shape[0] * LANES), np.zeros(delta.shape[0] * LANES)
@@ -179,15 +189,15 @@ def _run(advance, record, fill, g, map_, fine, coarse, out, state, gamma, behind
         for purpose in range(state.shape[0]):
             for l in range(LANES):
                 own[purpose, l], step[purpose, l] = state[purpose, first + l], gamma[purpose, first + l]
-        for track in range(made.shape[0]):
-            made[track] = 0
         for l in range(sums.shape[0]):
             sums[l] = 0.0
+        row = 0
         for track in range(made.shape[0]):
-            place = g.ring_start[track] * g.size * LANES
-            for a in range(g.size):
+            made[track] = 0
+            for a in range(g.size[track]):
                 for l in range(LANES):
-                    ring[place + a * LANES + l] = behind[track, a, first + l]
+                    ring[(g.ring_start[track] + a) * LANES + l] = behind[row, first + l]
+                row += 1
         k = 0
         for n0 in range(0, fine.H.shape[0], WINDOW):
             n1 = min(n0 + WINDOW, fine.H.shape[0])
@@ -219,17 +229,19 @@ def _run(advance, record, fill, g, map_, fine, coarse, out, state, gamma, behind
 @lru_cache(maxsize=1)
 def _compiled() -> tuple[Any, Any]:
     """`_run` and `_fill`, compiled once for all models: what differs between these is called through a pointer."""
-    vector, table, box = (np.zeros((0,) * n) for n in (1, 2, 3))
+    vector, table = np.zeros(0), np.zeros((0, 0))
     ints = np.zeros(0, np.int64)
     ground = numba.typeof(
-        GroundTables(0, 0, box, ints, ints, table, ints.reshape(0, 0), ints, ints, ints, ints, 0, False, box, 0, vector)
+        GroundTables(
+            0, ints, vector, ints, ints, ints.reshape(0, 0), ints, ints, ints, ints, ints, 0, False, table, 0, vector
+        )
     )
     steps = numba.typeof(StepTables(table, table, table, vector, vector, vector))
     out = numba.typeof(OutputTables(ints, 0, table, vector, vector))
     streams, whole = types.Array(types.uint64, 2, "C"), types.Array(_INT, 1, "C")
     filling = types.void(ground, _INT, _INT, _VECTOR, _VECTOR, whole, _VECTOR, streams, streams)
     calls = (types.FunctionType(s) for s in (ADVANCE, RECORD, filling))
-    running = types.void(*calls, ground, _TABLE, steps, steps, out, streams, streams, _BOX, _TABLE, _BOX, _BOX)
+    running = types.void(*calls, ground, _TABLE, steps, steps, out, streams, streams, _TABLE, _TABLE, _BOX, _BOX)
     return _jit(_run, running), _jit(_fill, filling)
 
 
@@ -296,10 +308,40 @@ NAMESPACE: dict[str, Any] = {
 
 @lru_cache(maxsize=64)
 def compile_program(source: str) -> tuple[Any, Any]:
-    """`advance` and `record` of a program, compiled."""
-    scope = dict(NAMESPACE)
-    exec(compile(source, "<cadet_sym.simulate>", "exec"), scope)
-    return numba.njit(ADVANCE, **_OPTIONS)(scope["advance"]), numba.njit(RECORD, **_OPTIONS)(scope["record"])
+    """`advance` and `record` of a program, compiled, or taken from disk if they were compiled before."""
+    scope = {**NAMESPACE, "__name__": __name__}
+    place = _file_for(source)
+    exec(compile(source, place or "<cadet_sym.simulate>", "exec"), scope)
+    options = {**_OPTIONS, "cache": place is not None}
+    return numba.njit(ADVANCE, **options)(scope["advance"]), numba.njit(RECORD, **options)(scope["record"])
+
+
+def _file_for(source: str) -> str | None:
+    """A file that holds the source, beside which numba keeps the machine code; None where none can be written.
+
+    Its name is a digest of all that the machine code is made from: the source, this module, the version. The file
+    itself is never run, what was just written is.
+    """
+    made_from = (source, Path(__file__).read_text(encoding="utf-8"), numba.__version__, sys.version)
+    name = hashlib.sha256("\n".join(made_from).encode()).hexdigest()[:32]
+    folder = Path(getattr(config, "CACHE_DIR", "") or _cache_folder()) / "cadet-sym"
+    path = folder / f"program_{name}.py"
+    try:
+        if not path.exists():
+            folder.mkdir(parents=True, exist_ok=True)
+            fresh = folder / f".{name}.{os.getpid()}"
+            fresh.write_text(source, encoding="utf-8")
+            fresh.replace(path)
+        (folder / "__pycache__").mkdir(exist_ok=True)
+        return str(path) if os.access(folder / "__pycache__", os.W_OK) else None
+    except OSError:
+        return None
+
+
+def _cache_folder() -> str:
+    """Where this user's caches are."""
+    home = os.environ.get("LOCALAPPDATA") or os.environ.get("XDG_CACHE_HOME")
+    return home or os.path.join(os.path.expanduser("~"), ".cache")
 
 
 def run_paths(
@@ -313,7 +355,7 @@ def run_paths(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Records (times, rows, paths) of the paths whose streams are given, and of the same with steps twice as long."""
     paths = len(streams[0].state)
-    delta, behind = start_values(ground, start, streams)
+    delta, behind = start_values(start, streams)
     # The last block is filled up with paths that nobody reads.
     lanes = -(-paths // LANES) * LANES
     delta, behind, state, gamma = (

@@ -103,6 +103,11 @@ class _Filter:
     copy: FilterCopy
     values: Mapping[sp.Symbol, float]
 
+    @property
+    def size(self) -> int:
+        """Filter states."""
+        return len(self.copy.filter.states)
+
     def matrices(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """C and D Q D^T, (k, r, r) each."""
         f = self.copy.filter
@@ -118,52 +123,55 @@ class _Filter:
         return np.stack(entries, axis=-1).reshape(*places.shape, *matrix.shape)
 
 
-def ground_tables(system: AugmentedSystem, values: Mapping[sp.Symbol, float], grid: Grid, noises: int) -> GroundTables:
-    """Work out the chains of all tracks and where each wheel stands in them; `noises` counts those in time."""
-    nf = len(system.states) - system.vehicle_size
-    common = {"width": nf + noises, "noises": noises, "root_step": np.sqrt(grid.step)}
-    if not system.copies:
-        return _no_ground(common, len(grid.time))
-    road = _Filter(system.copies[0], values)
-    smooth = system.model.initial.ground == "smooth" and not system.model.initial.whole
-    setbacks = [float(evaluate(c.setback, values)) for c in system.copies]
-    tracks = list(dict.fromkeys(c.track for c in system.copies))
-    track_of = np.array([tracks.index(c.track) for c in system.copies], dtype=np.int64)
-    pick = np.zeros((len(setbacks), len(grid.time)), dtype=np.int64)
-    lengths, laws_at, leader, room = [], [], [], []
+def ground_tables(
+    system: AugmentedSystem, values: Mapping[sp.Symbol, float], grid: Grid, noises: int
+) -> tuple[GroundTables, tuple[np.ndarray, ...]]:
+    """Work out the chains of all tracks and where each wheel stands in them; `noises` counts those in time.
+
+    Returns
+    -------
+    The tables, and for each track a factor of the covariance at its chain's first node.
+    """
+    nv, copies = system.vehicle_size, system.copies
+    smooth = system.model.initial.ground == "smooth"
+    setbacks = [float(evaluate(c.setback, values)) for c in copies]
+    tracks = list(dict.fromkeys(c.track for c in copies))
+    track_of = np.array([tracks.index(c.track) for c in copies], dtype=np.int64)
+    pick = np.zeros((len(copies), len(grid.time)), dtype=np.int64)
+    leader, room, sizes, roots, laws, law_of = [], [], [], [], [np.zeros(0)], [np.zeros(0, dtype=np.int64)]
     for track in range(len(tracks)):
         members = np.flatnonzero(track_of == track)
+        leader.append(members[np.argmin([setbacks[c] for c in members])])
+        road = _Filter(copies[leader[-1]], values)
         chain = _chain(grid, [setbacks[c] for c in members], smooth)
         pick[members] = chain.pick
-        lengths.append(np.diff(chain.places))
-        laws_at.append(0.5 * (chain.places[:-1] + chain.places[1:]))
-        leader.append(members[np.argmin([setbacks[c] for c in members])])
+        matrices, which = _laws(road, np.diff(chain.places), 0.5 * (chain.places[:-1] + chain.places[1:]))
+        law_of.append(sum(map(len, laws)) + which * (2 * road.size**2))
+        laws.append(matrices.ravel())
+        sizes.append(road.size)
+        roots.append(_start_factor(road, grid.motion.start, smooth))
         room.append(int((chain.pick.max(axis=0) - chain.pick.min(axis=0)).max()) + 2)
-    laws, law_of = _laws(road, np.concatenate(lengths), np.concatenate(laws_at))
-    return GroundTables(
-        size=len(road.copy.filter.states),
-        laws=laws,
-        law_of=law_of,
-        law_start=_starts(map(len, lengths)),
-        root=_start_factor(road, grid.motion.start, smooth),
+    ring_rows = [n * r for n, r in zip(room, sizes, strict=True)]
+    mean = _mean(system, values, grid, setbacks, smooth)
+    tables = GroundTables(
+        width=len(system.states) - nv + noises,
+        size=np.array(sizes, dtype=np.int64),
+        laws=np.concatenate(laws),
+        law_of=np.concatenate(law_of),
+        law_start=_starts([len(w) for w in law_of[1:]]),
         pick=pick,
         track_of=track_of,
+        row_of=np.array([c.start - nv for c in copies], dtype=np.int64),
         leader=np.array(leader, dtype=np.int64),
-        ring_start=_starts(room),
+        ring_start=_starts(ring_rows),
         ring_room=np.array(room, dtype=np.int64),
-        ring_total=sum(room),
-        **_mean(system, values, grid, setbacks),
-        **common,
+        ring_rows=sum(ring_rows),
+        has_mean=len(mean) > 0,
+        mean=mean,
+        noises=noises,
+        root_step=np.sqrt(grid.step),
     )
-
-
-def _no_ground(common: dict, nodes: int) -> GroundTables:
-    empty = np.zeros(0, dtype=np.int64)
-    return GroundTables(
-        size=0, laws=np.zeros((0, 0, 0)), law_of=empty, law_start=empty, root=np.zeros((0, 0)),
-        pick=np.zeros((0, nodes), dtype=np.int64), track_of=empty, leader=empty, ring_start=empty, ring_room=empty,
-        ring_total=0, has_mean=False, mean=np.zeros((0, 0, 0)), **common,
-    )  # fmt: skip
+    return tables, tuple(roots)
 
 
 @dataclass(frozen=True)
@@ -203,34 +211,38 @@ def _laws(road: _Filter, lengths: np.ndarray, middles: np.ndarray) -> tuple[np.n
 
 
 def _start_factor(road: _Filter, place: float, smooth: bool) -> np.ndarray:
-    r = len(road.copy.filter.states)
     if smooth:
-        return np.zeros((r, r))
+        return np.zeros((road.size, road.size))
     A, G = road.matrices(np.array([place]))
     return covariance_factor(stationary_covariance(A[0], G[0]))
 
 
-def _starts(counts) -> np.ndarray:
-    return np.concatenate([[0], np.cumsum(list(counts))])[:-1].astype(np.int64)
+def _starts(counts: Sequence[int]) -> np.ndarray:
+    return np.concatenate([[0], np.cumsum(counts)])[:-1].astype(np.int64)
 
 
-def _mean(system: AugmentedSystem, values: Mapping[sp.Symbol, float], grid: Grid, setbacks: Sequence[float]) -> dict:
-    """What the ground's deterministic part adds to the filter states of each wheel: m' = C m + offset in distance.
+def _mean(
+    system: AugmentedSystem,
+    values: Mapping[sp.Symbol, float],
+    grid: Grid,
+    setbacks: Sequence[float],
+    smooth: bool,
+) -> np.ndarray:
+    """What the ground's deterministic part adds to the filter states under each wheel: m' = C m + offset in distance.
 
-    It begins at rest on a smooth start; else with what the ground behind the wheel has brought about.
+    It begins at rest on a smooth start; else with what the ground behind the wheel has brought about. Empty if there
+    is nothing to add.
     """
     if all(copy.filter.offset.is_zero_matrix for copy in system.copies):
-        return {"has_mean": False, "mean": np.zeros((0, 0, 0))}
-    smooth = system.model.initial.ground == "smooth"
+        return np.zeros((0, 0))
     ground = system.model.ground
     edges = [] if ground is None else [float(evaluate(b, values)) for b in ground.breakpoints]
-    mean = np.zeros((len(system.copies), len(grid.time), len(system.copies[0].filter.states)))
-    for c, copy in enumerate(system.copies):
+    means = []
+    for setback, copy in zip(setbacks, system.copies, strict=True):
         road = _Filter(copy, values)
-        under = np.where(grid.time < 0.0, grid.motion.start, grid.place) - setbacks[c]
-        begin = np.zeros(mean.shape[2]) if smooth else _behind(road, under[0], edges)
-        mean[c] = _forced(road, under, begin)
-    return {"has_mean": True, "mean": mean}
+        under = np.where(grid.time < 0.0, grid.motion.start, grid.place) - setback
+        means.append(_forced(road, under, np.zeros(road.size) if smooth else _behind(road, under[0], edges)))
+    return np.concatenate(means, axis=1)
 
 
 def _behind(road: _Filter, here: float, edges: Sequence[float]) -> np.ndarray:

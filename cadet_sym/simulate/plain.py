@@ -40,23 +40,25 @@ class _Ground:
     """The ground under all wheels, node by node."""
 
     def __init__(self, tables: GroundTables, streams: list[Streams], behind: np.ndarray):
-        self.t, self.streams, self.paths = tables, streams, behind.shape[2]
-        self.rings = [np.zeros((room, tables.size, self.paths)) for room in tables.ring_room]
+        self.t, self.streams, self.paths = tables, streams, behind.shape[1]
+        self.rings = [np.zeros((n, r, self.paths)) for n, r in zip(tables.ring_room, tables.size, strict=True)]
         self.made = [0] * len(self.rings)
         self.sums = np.zeros((tables.noises, self.paths))
-        for ring, first in zip(self.rings, behind, strict=True):
+        for ring, first in zip(self.rings, np.split(behind, np.cumsum(tables.size)[:-1]), strict=False):
             ring[0] = first
 
     def node(self, node: int) -> np.ndarray:
         """Rows of one node; nodes are asked for in order."""
-        t, r = self.t, self.t.size
+        t = self.t
         rows = np.zeros((t.width, self.paths))
         for track, ring in enumerate(self.rings):
             while self.made[track] < t.pick[t.leader[track], node]:
                 self._extend(track, ring)
         for copy, track in enumerate(t.track_of):
-            state = self.rings[track][t.pick[copy, node] % t.ring_room[track]]
-            rows[copy * r : (copy + 1) * r] = state + (t.mean[copy, node][:, None] if t.has_mean else 0.0)
+            first = t.row_of[copy]
+            rows[first : first + t.size[track]] = self.rings[track][t.pick[copy, node] % t.ring_room[track]]
+        if t.has_mean:
+            rows[: t.mean.shape[1]] += t.mean[node][:, None]
         if t.noises:
             if node > 0:
                 self.sums = self.sums + t.root_step[node - 1] * self.streams[1].normals(t.noises)
@@ -64,12 +66,12 @@ class _Ground:
         return rows
 
     def _extend(self, track: int, ring: np.ndarray) -> None:
-        t = self.t
+        t, r = self.t, self.t.size[track]
         self.made[track] += 1
         j = self.made[track]
-        law = t.laws[t.law_of[t.law_start[track] + j - 1]]
-        z = self.streams[2 + track].normals(t.size)
-        ring[j % len(ring)] = law @ np.concatenate([ring[(j - 1) % len(ring)], z])
+        first = t.law_of[t.law_start[track] + j - 1]
+        law = t.laws[first : first + 2 * r * r].reshape(r, 2 * r)
+        ring[j % len(ring)] = law @ np.concatenate([ring[(j - 1) % len(ring)], self.streams[2 + track].normals(r)])
 
 
 def run_paths(
@@ -86,7 +88,7 @@ def run_paths(
     paths, paired = len(streams[0].state), len(coarse.H) > 0
     R = np.empty((len(out.node), out.rows, paths))
     R2 = np.empty(R.shape if paired else (0, 0, 0))
-    delta, behind = start_values(ground, start, streams)
+    delta, behind = start_values(start, streams)
     road = _Ground(ground, streams, behind)
     G = np.zeros((3, ground.width, paths))  # the nodes of the last two steps
     G[0] = road.node(0)

@@ -11,7 +11,7 @@ import sympy as sp
 
 from cadet_sym.augment import AugmentedSystem
 from cadet_sym.errors import ModelError
-from cadet_sym.language.expression import evaluate
+from cadet_sym.language.expression import SPEED, evaluate
 from cadet_sym.simulate.grid import Grid, Motion, make_grid
 from cadet_sym.simulate.ground import covariance_factor, ground_tables
 from cadet_sym.simulate.program import Program, numeric, write_program
@@ -67,11 +67,12 @@ class Problem:
         finest = grid.halved() if paired else grid
         program = self.program
         none = self._steps(grid, slice(0, 0))
+        ground, roots = ground_tables(self.system, self.values, finest, len(program.time_noises))
         plan = Plan(
             program.numba_source,
             program.numpy_source,
-            ground_tables(self.system, self.values, finest, len(program.time_noises)),
-            self._start(),
+            ground,
+            self._start(roots),
             self._steps(finest),
             self._steps(grid) if paired else none,
             self._outputs(finest),
@@ -112,16 +113,14 @@ class Problem:
         return found
 
     def ground_scale(self) -> float:
-        """Largest rate, 1/s, at which the ground comes by: its filter's fastest mode at the highest speed."""
-        if not self.system.copies:
-            return 0.0
-        road = self.system.copies[0].filter
-        time = np.linspace(0.0, self.times[-1], 501)
-        run = self._run_values(time)
-        C = numeric(list(road.C), {**self.values, **run}, self.elements)
-        modes = np.abs(np.linalg.eigvals(C.reshape(-1, *road.C.shape))).max(axis=-1)
-        speed = next(v for s, v in run.items() if s.name == "V(t)")
-        return float((modes * speed).max())
+        """Largest rate, 1/s, at which the ground comes by: its filters' fastest mode at the highest speed."""
+        run = self._run_values(np.linspace(0.0, self.times[-1], 501))
+        fastest = 0.0
+        for C in {copy.filter.C for copy in self.system.copies}:
+            matrices = numeric(list(C), {**self.values, **run}, self.elements).reshape(-1, *C.shape)
+            modes = np.abs(np.linalg.eigvals(matrices)).max(axis=-1)
+            fastest = max(fastest, float((modes * run[SPEED]).max()))
+        return fastest
 
     def _run_values(self, time: np.ndarray) -> dict[sp.Symbol, np.ndarray]:
         m = self.motion
@@ -165,7 +164,7 @@ class Problem:
         noises = [mixed[:, i, time.index(program.time_noises[j])] for i, j in program.time_entries]
         return np.column_stack([kicks, *noises])
 
-    def _start(self) -> StartTables:
+    def _start(self, ground: tuple[np.ndarray, ...] = ()) -> StartTables:
         system, nv = self.system, self.system.vehicle_size
         run = self._run_values(np.zeros(1))
         known = {**self.values, **{symbol: float(value[0]) for symbol, value in run.items()}}
@@ -174,6 +173,7 @@ class Problem:
             offset=numeric(list(system.initial_offset), known, self.elements),
             map=numeric(list(system.initial_map), known, self.elements).reshape(nv, -1),
             root=_factor(spread, "[initial.covariance]")[0],
+            ground=ground,
         )
 
     def _outputs(self, grid: Grid) -> OutputTables:

@@ -20,6 +20,7 @@ _LEAST = 64  # steps of a run
 _PART = 0.5  # of the sampling error: what the step's error may be
 _TRIALS = 8
 _HOPELESS = 1.4  # halving the step must shrink its error by this much, else pairs of paths do not stay together
+_STANDS_OUT = 4.0  # standard errors by which a step's error must differ from none to count as seen
 _SHORTEST = 1e-7  # of the run
 _FLOOR = 1e-4  # of a quantity's own size: an error that is not looked into, however many paths there are
 _RUN_IN = 7.0  # time constants of the slowest mode
@@ -56,22 +57,45 @@ def choose_step(
     if not check:
         return Chosen(step, None, before, True, {})
     pairs = min(max(paths // 8, _PAIRS[0]), _PAIRS[1])
-    seconds = {"compiling": _compile(problem, step, before, engine), "step": 0.0}
-    error, excess = None, math.inf
-    for trial in range(1 if fixed else _TRIALS):
-        began = perf_counter()
-        plan, grid = problem.plan(step, before, paired=True)
-        fine, coarse = records_in_parts(plan, engine, seed, pairs)
-        error, last = step_error_of(coarse, fine), excess
-        excess = _excess(fine, error, paths, len(problem.system.states), problem.system.vehicle_size)
-        seconds["step"] += perf_counter() - began
-        step = float(grid.step.max())
-        hopeless = math.isfinite(last) and excess > last / _HOPELESS
-        if excess <= 1.0 or hopeless or fixed or trial == _TRIALS - 1 or step < _SHORTEST * problem.times[-1]:
+    seconds = {"compiling": _compile(problem, step, before, engine)}
+    began = perf_counter()
+    trials: list[_Trial] = []
+    while True:
+        trials.append(_try(problem, step, before, engine, seed, pairs, paths))
+        last = trials[-1]
+        no_better = len(trials) > 1 and last.excess > trials[-2].excess / _HOPELESS
+        if (
+            last.excess <= 1.0
+            or no_better
+            or fixed
+            or len(trials) == _TRIALS
+            or last.step < _SHORTEST * problem.times[-1]
+        ):
             break
         # The error falls with the first or second power of the step.
-        step /= min(8.0, max(2.0, excess**0.75))
-    return Chosen(step, error, before, excess <= 1.0, seconds)
+        step = last.step / min(8.0, max(2.0, last.excess**0.75))
+    # Where a shorter step makes pairs no closer, the longest will do whose error does not show.
+    best = next((trial for trial in trials if min(trial.excess, trial.bias) <= 1.0), last) if no_better else last
+    seconds["step"] = perf_counter() - began
+    return Chosen(best.step, best.error, before, min(best.excess, best.bias) <= 1.0, seconds)
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """A step, its error, and this over what is allowed: with its own doubt, and what stands out of it alone."""
+
+    step: float
+    error: StepError
+    excess: float
+    bias: float
+
+
+def _try(problem: Problem, step: float, before: float, engine: str, seed: int, pairs: int, paths: int) -> _Trial:
+    plan, grid = problem.plan(step, before, paired=True)
+    fine, coarse = records_in_parts(plan, engine, seed, pairs)
+    error = step_error_of(coarse, fine)
+    system = problem.system
+    return _Trial(float(grid.step.max()), error, *_excess(fine, error, paths, len(system.states), system.vehicle_size))
 
 
 def _compile(problem: Problem, step: float, before: float, engine: str) -> float:
@@ -90,24 +114,26 @@ def first_step(problem: Problem) -> float:
     return max(min(limits), 10.0 * _SHORTEST * problem.times[-1])
 
 
-def _excess(records: np.ndarray, error: StepError, paths: int, n: int, vehicle: int) -> float:
-    """Step error with its own doubt over what is allowed, for the worst quantity and time; 1 is just right.
+def _excess(records: np.ndarray, error: StepError, paths: int, n: int, vehicle: int) -> tuple[float, float]:
+    """Step error over what is allowed, for the worst quantity and time: with its doubt, and where it stands out of it.
 
     Filter states are exact and not looked at.
     """
     if error.paths < 0.5 * records.shape[2]:
-        return math.inf
+        return math.inf, math.inf
     moments = moments_of(records, n)
     variance = moments.variance
     size = np.sqrt(np.nanmean(moments.mean**2 + variance, axis=0))
     spread = moments.variance_standard_error * math.sqrt(records.shape[2] / paths)
     judged = np.r_[0:vehicle, n : records.shape[1]]
-    worst = 0.0
+    excess = bias = 0.0
     for found, doubt, sampling, floor in (
         (error.mean, error.mean_standard_error, np.sqrt(variance / paths), size),
         (error.variance, error.variance_standard_error, spread, size**2),
     ):
         allowed = np.hypot(_PART * sampling, _FLOOR * floor)[:, judged]
         there = allowed > 0.0
-        worst = max(worst, float((np.hypot(found, doubt)[:, judged][there] / allowed[there]).max(initial=0.0)))
-    return worst
+        found, doubt = (part[:, judged][there] / allowed[there] for part in (np.abs(found), doubt))
+        excess = max(excess, float(np.hypot(found, doubt).max(initial=0.0)))
+        bias = max(bias, float(np.where(found > _STANDS_OUT * doubt, found, 0.0).max(initial=0.0)))
+    return excess, bias

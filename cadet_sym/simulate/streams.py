@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from cadet_sym.simulate.tables import GroundTables, StartTables
+from cadet_sym.simulate.tables import StartTables
 
 __all__ = ["BASE", "GOLDEN", "HEIGHT", "MIX", "TAIL", "WIDTH", "Streams", "start_values", "ziggurat"]
 
@@ -82,16 +82,16 @@ class Streams:
         return ziggurat(bits)
 
 
-def start_values(ground: GroundTables, start: StartTables, streams: list[Streams]) -> tuple[np.ndarray, np.ndarray]:
+def start_values(start: StartTables, streams: list[Streams]) -> tuple[np.ndarray, np.ndarray]:
     """What is drawn before the first step: the vehicle apart from the ground, and the ground behind all wheels.
 
     Returns
     -------
-    (nv, paths), and (tracks, r, paths).
+    (nv, paths), and (filter states of all tracks, paths).
     """
     delta = start.offset[:, None] + start.root @ streams[0].normals(len(start.offset))
-    behind = [ground.root @ stream.normals(ground.size) for stream in streams[2:]]
-    return delta, np.reshape(behind, (len(behind), ground.size, delta.shape[1]))
+    behind = [root @ stream.normals(len(root)) for root, stream in zip(start.ground, streams[2:], strict=True)]
+    return delta, np.concatenate([delta[:0], *behind])
 
 
 def ziggurat(bits: np.ndarray) -> np.ndarray:

@@ -12,33 +12,35 @@ __all__ = ["GroundTables", "OutputTables", "StartTables", "StepTables"]
 class GroundTables(NamedTuple):
     """The ground as a chain of exact steps for each track, and where each wheel stands in it at each node.
 
-    Node j of a chain follows from node j - 1 and r normal deviates z by laws[law_of[...]] @ (node, z).
+    Node j of the chain of a track with r filter states follows from node j - 1 and r normal deviates z by a law, an
+    r x 2 r matrix: node j = law @ (node j - 1, z). Laws lie one after the other in `laws`, row by row.
     """
 
-    size: int  # filter states, r
     width: int  # rows of a time node: filter states of all copies, then noises in time
-    laws: np.ndarray  # (laws, r, 2 r)
-    law_of: np.ndarray  # (all steps of all chains,) int: which law
+    size: np.ndarray  # (tracks,) int: filter states r
+    laws: np.ndarray  # (numbers of all laws,)
+    law_of: np.ndarray  # (all steps of all chains,) int: where in `laws` the step's law begins
     law_start: np.ndarray  # (tracks,) int: where a track's steps begin in law_of
-    root: np.ndarray  # (r, r): factor of the covariance at the first node
     pick: np.ndarray  # (copies, time nodes) int: chain node under the wheel
     track_of: np.ndarray  # (copies,) int
+    row_of: np.ndarray  # (copies,) int: first row of the copy in a time node
     leader: np.ndarray  # (tracks,) int: the copy furthest ahead
-    ring_start: np.ndarray  # (tracks,) int: where a track's ring buffer begins, in nodes
+    ring_start: np.ndarray  # (tracks,) int: where a track's ring buffer begins, in rows
     ring_room: np.ndarray  # (tracks,) int: nodes that it holds
-    ring_total: int
+    ring_rows: int  # of all ring buffers
     has_mean: bool
-    mean: np.ndarray  # (copies, time nodes, r): what the ground's own forcing adds, or empty
+    mean: np.ndarray  # (time nodes, filter states of all copies): what the ground's own forcing adds, or empty
     noises: int  # noises in time: the last rows of a time node
     root_step: np.ndarray  # (steps,): square root of each step's duration
 
 
 class StartTables(NamedTuple):
-    """Vehicle at the start: x = offset + map @ (filter states) + root @ z."""
+    """Vehicle at the start, x = offset + map @ (filter states) + root @ z, and the ground where the chains begin."""
 
     offset: np.ndarray  # (nv,)
     map: np.ndarray  # (nv, nf)
     root: np.ndarray  # (nv, nv)
+    ground: tuple[np.ndarray, ...]  # a track each: factor (r, r) of the covariance
 
 
 class StepTables(NamedTuple):
