@@ -380,7 +380,7 @@ def test_a_table_in_a_folder_below_is_read(tmp_path):
         (('track = "main"', "track = 2"), ("contacts.h", "track"), "a text is wanted", None),
         (("h = { setback = 0.0, track = \"main\" }", "h = 0"), ("contacts", "h"), "a table is wanted", None),
         (('[contacts]\nh = { setback = 0.0, track = "main" }', ""), ("rates", "v"), "undeclared name `h`", "h, 2)"),
-        (('kind = "exponential"', 'kind = "exponental"'), ("ground", "kind"), "did you mean `exponential`", "exponental"),
+        (('kind = "exponential"', 'kind = "exponental"'), ("ground", "kind"), "mean `exponential`", "exponental"),
         (('kind = "exponential"\n', ""), ("ground", ""), "`kind` is missing", None),
         (("sigma = 1.0\n", ""), ("ground", ""), "`sigma` is missing", None),
         (("cutoff = 0.2", "cutoff = -0.2"), ("ground", "cutoff"), "positive", None),

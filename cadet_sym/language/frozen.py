@@ -23,6 +23,9 @@ class FrozenDict(Mapping[K, V]):
     def __iter__(self) -> Iterator[K]:
         return iter(self._entries)
 
+    def __reversed__(self) -> Iterator[K]:
+        return reversed(self._entries)
+
     def __len__(self) -> int:
         return len(self._entries)
 

@@ -51,7 +51,8 @@ def _zeros(function: sp.Expr, variable: sp.Symbol) -> list[sp.Expr]:
         return [sp.expand(-function.xreplace({variable: sp.S.Zero}) / slope)] if slope != 0 else []
     if function.free_symbols == {variable} and function.is_polynomial(variable):
         roots = np.roots([float(c) for c in sp.Poly(function, variable).all_coeffs()])
-        return [exact(float(r.real)) for r in roots if abs(r.imag) <= 1e-9 * max(1.0, abs(r))]
+        # roots are good to 14 digits or so, and 2 should be 2
+        return [exact(float(f"{r.real:.14g}")) + 0 for r in roots if abs(r.imag) <= 1e-9 * max(1.0, abs(r))]
     return []
 
 

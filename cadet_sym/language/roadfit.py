@@ -97,7 +97,8 @@ def welch(height: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray, np.n
     """One-sided density against rad per length, averaged on a logarithmic axis, with the weight of each point.
 
     Hann windows over a quarter of the road each, half overlapping, straight lines removed; the lowest two lines, which
-    the window smears, and wavenumbers above half of the Nyquist limit, which sampling folds, are left out.
+    the window smears, and wavenumbers above a quarter of the Nyquist limit, where sampling folds some of the spectrum
+    back, are left out.
     """
     n = 2 * (height.size // 8)
     window = np.hanning(n + 1)[:n]
@@ -110,7 +111,7 @@ def welch(height: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray, np.n
         power += np.abs(np.fft.rfft(window * part)) ** 2
     density = power / len(starts) * 2 * step / (window @ window) / (2 * np.pi)
     kappa = 2 * np.pi * np.fft.rfftfreq(n, step)
-    keep = slice(2, max(4, n // 4))
+    keep = slice(2, max(6, n // 8))
     kappa, density = kappa[keep], density[keep]
     if not density.any():
         raise ModelError("the profile is flat: there is nothing to fit a filter to")
@@ -132,8 +133,11 @@ def _fit(kappa: np.ndarray, density: np.ndarray, weight: np.ndarray, order: int)
     shape = _Shape(order)
     low, high = np.log(kappa[0]), np.log(kappa[-1])
 
+    beyond, expected = _beyond(kappa, density)
+
     def residual(theta: np.ndarray) -> np.ndarray:
-        return (shape.log_density(theta, kappa) - target) * weight
+        inside = (shape.log_density(theta, kappa) - target) * weight
+        return np.concatenate([inside, shape.log_density(theta, beyond) - expected])
 
     best = None
     for share in (0.1, 0.4, 0.7):
@@ -148,6 +152,19 @@ def _fit(kappa: np.ndarray, density: np.ndarray, weight: np.ndarray, order: int)
     fitted = np.exp(shape.log_density(best.x, kappa))
     error = float(np.sqrt(np.mean(np.log10(fitted / density) ** 2)))
     return RoadFit(kappa, density, fitted, sections(zeros, poles, gain), order, error)
+
+
+def _beyond(kappa: np.ndarray, density: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Wavenumbers outside the band and what is expected there where nothing was measured, as logarithms.
+
+    Level below the band, falling with the square above it, as roads do: without that a pole or zero outside the band
+    is free to put the road's variance where it likes.
+    """
+    few = max(2, kappa.size // 6)
+    level = np.log(density[:few]).mean()
+    tail = np.log(density[-few:] * kappa[-few:] ** 2).mean()
+    below, above = kappa[0] / np.array([10.0, 3.0]), kappa[-1] * np.array([3.0, 10.0, 30.0, 100.0])
+    return np.concatenate([below, above]), np.concatenate([np.full(2, level), tail - 2 * np.log(above)])
 
 
 @dataclass(frozen=True)
@@ -190,11 +207,11 @@ class _Shape:
         return np.array([*theta, 0.0])
 
     def bounds(self, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
-        """Breaks at most a decade outside the band, dampings between those of a sharp peak and two far apart."""
+        """Breaks half below the band, where nothing was measured, to a decade above; dampings from a sharp peak up."""
         least, most = [], []
         for count in (self.order, self.order - 1):
             for width in [2] * (count // 2) + [1] * (count % 2):
-                least += [low - np.log(10), np.log(_DAMPING[0])][:width]
+                least += [low - np.log(2), np.log(_DAMPING[0])][:width]
                 most += [high + np.log(10), np.log(_DAMPING[1])][:width]
         return np.array([*least, -np.inf]), np.array([*most, np.inf])
 

@@ -152,16 +152,19 @@ class NamedElement(Str):
     `Vehicle` collects the declarations and keeps the plain name.
     """
 
-    __slots__ = ("element",)
+    __slots__ = ("declaration", "element")
+    declaration: str
     element: Any
 
     def __new__(cls, name: str, element: Any):  # noqa: D102
         made = Str.__new__(cls, name)
         made.element = element
+        # SymPy sorts what it compares: the declaration as text has an order
+        made.declaration = sp.srepr((*element.arguments, element.value))
         return made
 
     def _hashable_content(self) -> tuple[Any, ...]:
-        return (self.name, self.element)
+        return (self.name, self.declaration)
 
     def __getnewargs__(self) -> tuple[Any, ...]:
         return (self.name, self.element)
