@@ -34,6 +34,8 @@ STYLE: Any = {
     "grid.color": FAINT,
     "grid.linewidth": 0.4,
     "axes.axisbelow": True,
+    "axes.formatter.limits": (-3, 4),
+    "axes.formatter.use_mathtext": True,
     "xtick.direction": "in",
     "ytick.direction": "in",
     "legend.frameon": False,
