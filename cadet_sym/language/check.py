@@ -37,7 +37,8 @@ def structure(model: Model) -> None:
         _within(places.number("a setback"), where.setback, table="contacts", key=contact.name)
     if model.travel is not None:
         for key in ("speed", "distance"):
-            if (expr := getattr(model.travel, key)) is not None:
+            # what was made of a table holds no names
+            if (expr := getattr(model.travel, key)) is not None and model.travel.table is None:
                 _within(places.travel(), expr, table="travel", key=key)
         _within(places.number("the start"), model.travel.start, table="travel", key="start")
     if model.noise is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from fractions import Fraction
 from itertools import pairwise
 from typing import Any
 
@@ -46,37 +47,59 @@ def _end(h0: float, h1: float, d0: float, d1: float) -> float:
 
 def coefficients(curve: Lookup) -> list[tuple[sp.Rational, ...]]:
     """Polynomials (c0, c1, ...) in z - z_k, one a row interval."""
-    z, f = curve.knots, curve.values
+    z, f = ([Fraction(int(v.p), int(v.q)) for v in column] for column in (curve.knots, curve.values))
+    secants = [(b - a) / (q - p) for (a, b), (p, q) in zip(pairwise(f), pairwise(z), strict=True)]
     if curve.method == "linear":
-        return [(f[k], (f[k + 1] - f[k]) / (z[k + 1] - z[k])) for k in range(len(z) - 1)]
-    slopes = monotone_slopes(z, f)
-    pieces = []
-    for k in range(len(z) - 1):
-        h, d = z[k + 1] - z[k], (f[k + 1] - f[k]) / (z[k + 1] - z[k])
-        a, b = slopes[k], slopes[k + 1]
-        pieces.append((f[k], a, (3 * d - 2 * a - b) / h, (a + b - 2 * d) / h**2))
-    return pieces
+        pieces: list[tuple[Fraction, ...]] = list(zip(f, secants, strict=False))
+    else:
+        slopes = [Fraction(int(m.p), int(m.q)) for m in monotone_slopes(curve.knots, curve.values)]
+        pieces = []
+        for k, d in enumerate(secants):
+            h, a, b = z[k + 1] - z[k], slopes[k], slopes[k + 1]
+            pieces.append((f[k], a, (3 * d - 2 * a - b) / h, (a + b - 2 * d) / h**2))
+    return [tuple(sp.Rational(c.numerator, c.denominator) for c in piece) for piece in pieces]
 
 
 def curve_pieces(curve: Lookup) -> sp.Expr:
     """The curve as a Piecewise of polynomials in its argument."""
-    z, knots, pieces = curve.argument, curve.knots, coefficients(curve)
-    polynomials = [
-        sp.Add(*(c * (z - k) ** n for n, c in enumerate(piece))) for k, piece in zip(knots, pieces, strict=False)
-    ]
-    if curve.method == "linear":
-        polynomials = [sp.expand(p) for p in polynomials]
+    z, knots = curve.argument, curve.knots
+    polynomials = [_polynomial(piece, z, k) for piece, k in zip(coefficients(curve), knots, strict=False)]
     edges = list(knots[1:-1])
     if curve.outside == "hold":
         polynomials = [curve.values[0], *polynomials, curve.values[-1]]
         edges = list(knots)
-    branches = [
-        (polynomial, sp.StrictLessThan(z, edge, evaluate=False))
-        for polynomial, edge in zip(polynomials, edges, strict=False)
-    ]
-    if not branches:
+    return pieced(polynomials, edges, z)
+
+
+def pieced(polynomials: Sequence[sp.Expr], edges: Sequence[sp.Expr], z: sp.Expr) -> sp.Expr:
+    """The first polynomial before the first edge, and so on; the last after the last edge."""
+    if not edges:
         return polynomials[-1]
+    branches = [(p, sp.StrictLessThan(z, edge, evaluate=False)) for p, edge in zip(polynomials, edges, strict=False)]
     return sp.Piecewise(*branches, (polynomials[-1], sp.true), evaluate=False)
+
+
+def _polynomial(piece: Sequence[sp.Rational], z: sp.Expr, knot: sp.Rational) -> sp.Expr:
+    """c0 + c1 (z - k) + ... as it stands: SymPy's evaluation of thousands of them would take seconds."""
+    d = sp.Add(z, -knot, evaluate=False) if knot != 0 else z
+    terms = [piece[0]] if piece[0] != 0 else []
+    for n, c in enumerate(piece[1:], start=1):
+        power = d if n == 1 else sp.Pow(d, n, evaluate=False)
+        if c != 0:
+            terms.append(power if c == 1 else sp.Mul(c, power, evaluate=False))
+    return sp.Add(*terms, evaluate=False) if terms else sp.S.Zero
+
+
+def travelled(curve: Lookup) -> sp.Expr:
+    """Integral from 0 to its argument of a curve that begins at 0 or later and holds its ends."""
+    z, knots, values = curve.argument, curve.knots, curve.values
+    parts, carried = [_polynomial((sp.S.Zero, values[0]), z, sp.S.Zero)], values[0] * knots[0]
+    for k, piece in enumerate(coefficients(curve)):
+        whole = (carried, *(c / (n + 1) for n, c in enumerate(piece)))
+        parts.append(_polynomial(whole, z, knots[k]))
+        carried = sp.Add(*(c * (knots[k + 1] - knots[k]) ** n for n, c in enumerate(whole)))
+    parts.append(_polynomial((carried, values[-1]), z, knots[-1]))
+    return pieced(parts, knots, z)
 
 
 def curve_values(curve: Lookup, z: Any) -> np.ndarray:

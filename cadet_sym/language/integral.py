@@ -6,7 +6,7 @@ from typing import Any
 
 import sympy as sp
 
-from cadet_sym.language.kinks import breakpoints
+from cadet_sym.language.kinks import breakpoints, switching_functions, zeros
 from cadet_sym.language.numeric import quotient
 from cadet_sym.language.vocabulary import TIME, Lookup, extreme
 
@@ -48,30 +48,33 @@ def _term(term: sp.Expr) -> sp.Expr | None:
 
 def _spans(tests: list[Any]) -> list[tuple[sp.Expr, sp.Expr | None]] | None:
     """From when to when, after 0, each branch of `A if t < a else B if t < b else C` (or all with `>`) is taken."""
-    kinds = {type(test) for test in tests[:-1]}
-    edges = [
-        test.rhs for test in tests[:-1] if getattr(test, "lhs", None) == TIME and TIME not in test.rhs.free_symbols
-    ]
-    if len(edges) != len(tests) - 1:
+    edges = [_edge(test) for test in tests[:-1]]
+    if any(edge is None for edge in edges) or len({edge[0] for edge in edges if edge}) > 1:
         return None
-    if kinds <= {sp.StrictLessThan, sp.LessThan}:
-        low: sp.Expr = sp.S.Zero
-        spans: list[tuple[sp.Expr, sp.Expr | None]] = []
-        for edge in edges:
-            high = extreme(sp.Max, [low, edge])
-            spans.append((low, high))
-            low = high
-        return [*spans, (low, None)]
-    if kinds <= {sp.StrictGreaterThan, sp.GreaterThan}:
-        later: sp.Expr | None = None
-        spans = []
-        for edge in edges:
-            first = extreme(sp.Max, [edge, sp.S.Zero])
-            first = first if later is None else extreme(sp.Min, [first, later])
-            spans.append((first, later))
-            later = first
-        return [*spans, (sp.S.Zero, later)]
-    return None
+    spans: list[tuple[sp.Expr, sp.Expr | None]] = []
+    low, later = sp.S.Zero, None
+    for before, edge in (edge for edge in edges if edge):
+        place = extreme(sp.Max, [edge, low])
+        if before:
+            spans.append((low, place))
+            low = place
+        else:
+            place = place if later is None else extreme(sp.Min, [place, later])
+            spans.append((place, later))
+            later = place
+    return [*spans, (low, later)]
+
+
+def _edge(test: Any) -> tuple[bool, sp.Expr] | None:
+    """(True, a) for `t < a`, (False, a) for `t > a`, whichever way it is written; None for anything else."""
+    if not isinstance(test, sp.Gt | sp.Ge | sp.Lt | sp.Le):
+        return None
+    difference = test.lhs - test.rhs
+    slope = sp.diff(difference, TIME)
+    if not slope.is_Rational or slope == 0:
+        return None
+    below = isinstance(test, sp.Lt | sp.Le) == (slope > 0)
+    return below, sp.expand(TIME - difference / slope)
 
 
 def _antiderivative(polynomial: sp.Expr) -> sp.Expr:
@@ -81,7 +84,8 @@ def _antiderivative(polynomial: sp.Expr) -> sp.Expr:
 
 def _numbered(speed: sp.Expr) -> sp.Expr | None:
     """Where all breakpoints are numbers: piece by piece, each carried on from the one before."""
-    if speed.has(Lookup):
+    switching = [zeros(function, TIME) for function in switching_functions(speed, TIME)]
+    if speed.has(Lookup) or None in switching:
         return None
     edges = [e for e in breakpoints([speed], TIME) if not e.is_Rational or e > 0]
     if not all(e.is_Rational for e in edges) or len(edges) > _PIECES:

@@ -41,21 +41,53 @@ def breakpoints(expressions: Iterable[sp.Basic], variable: sp.Symbol) -> tuple[s
     places: dict[sp.Expr, None] = {}
     for expr in expressions:
         for function in switching_functions(expr, variable):
-            places.update(dict.fromkeys(_zeros(function, variable)))
+            places.update(dict.fromkeys(zeros(function, variable) or []))
     return tuple(sorted(places, key=lambda p: (not p.is_Rational, float(p) if p.is_Rational else 0.0, str(p))))
 
 
-def _zeros(function: sp.Expr, variable: sp.Symbol) -> list[sp.Expr]:
+def zeros(function: sp.Expr, variable: sp.Symbol) -> list[sp.Expr] | None:
+    """Where a switching function, or one of its branches, is zero; None if that is not to be said."""
+    found: list[sp.Expr] = []
+    for branch in _branches(function):
+        part = _smooth_zeros(branch, variable)
+        if part is None:
+            return None
+        found += part
+    return found
+
+
+def _branches(expr: sp.Expr) -> list[sp.Expr]:
+    """What an expression may be, its conditionals, extremes and absolute values taken either way."""
+    waiting, done = [expr], []
+    while waiting and len(waiting) + len(done) <= _MOST_BRANCHES:
+        expr = waiting.pop()
+        inner = next((node for node in sp.preorder_traversal(expr) if isinstance(node, _SWITCHES)), None)
+        if inner is None:
+            done.append(expr)
+            continue
+        if isinstance(inner, sp.Piecewise):
+            choices = [branch.args[0] for branch in inner.args]
+        elif isinstance(inner, sp.Abs):
+            choices = [inner.args[0], -inner.args[0]]
+        else:
+            choices = list(inner.args)
+        waiting += [expr.xreplace({inner: choice}) for choice in choices]
+    return done
+
+
+def _smooth_zeros(function: sp.Expr, variable: sp.Symbol) -> list[sp.Expr] | None:
     slope = sp.diff(function, variable)
     if variable not in slope.free_symbols:
         return [sp.expand(-function.xreplace({variable: sp.S.Zero}) / slope)] if slope != 0 else []
     if function.free_symbols == {variable} and function.is_polynomial(variable):
         roots = np.roots([float(c) for c in sp.Poly(function, variable).all_coeffs()])
         # roots are good to 14 digits or so, and 2 should be 2
-        return [exact(float(f"{r.real:.14g}")) + 0 for r in roots if abs(r.imag) <= 1e-9 * max(1.0, abs(r))]
-    return []
+        return [exact(float(f"{r.real:.14g}")) for r in roots if abs(r.imag) <= 1e-9 * max(1.0, abs(r))]
+    return None
 
 
+_SWITCHES = (sp.Piecewise, sp.Abs, sp.Min, sp.Max)
+_MOST_BRANCHES = 64
 _STEP = 1e-7  # beside a breakpoint, relative to its position
 
 

@@ -9,6 +9,7 @@ import sympy as sp
 
 from cadet_sym.errors import ModelError
 from cadet_sym.language.canonical import canonical
+from cadet_sym.language.curve import travelled
 from cadet_sym.language.element import set_field
 from cadet_sym.language.integral import integral
 from cadet_sym.language.kinks import breakpoints
@@ -54,6 +55,8 @@ class Travel:
     @property
     def breakpoints(self) -> tuple[sp.Expr, ...]:
         """Times, expressions in parameters, at which the speed may have a kink or a step."""
+        if self.table is not None:
+            return self.table.knots
         return breakpoints([e for e in (self.speed, self.distance) if e is not None], TIME)
 
     def speed_expression(self) -> sp.Expr:
@@ -68,5 +71,7 @@ class Travel:
     def _closed_distance(self) -> sp.Expr | None:
         if self.distance is not None:
             return self.distance
-        travelled = integral(self.speed)
-        return None if travelled is None else self.start + travelled
+        if self.table is not None and self.table.outside == "hold" and self.table.knots[0] >= 0:
+            return self.start + travelled(self.table)
+        way = integral(self.speed)
+        return None if way is None else self.start + way
