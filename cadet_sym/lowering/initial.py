@@ -19,9 +19,12 @@ from cadet_sym.language.expression import DISTANCE, SPEED, SPEED_RATE, TIME
 from cadet_sym.lowering.expressions import to_casadi
 from cadet_sym.lowering.system import LoweredSystem
 
-__all__ = ["filter_matrices", "initial_moments", "vehicle_start"]
+__all__ = ["STANDING", "filter_matrices", "initial_moments", "vehicle_start"]
 
 _Environment = Mapping[sp.Symbol, ca.SX]
+
+STANDING = 1e-9
+"""Speed below which a vehicle does not travel at all."""
 
 
 def initial_moments(lowered: LoweredSystem, linear_solver: str = "qr") -> ca.Function:
@@ -151,7 +154,7 @@ class _GroundStart:
         b = self.lowered.noise(context, self.p)[0]
         rest = ca.MX.zeros(packing.moments - packing.n, 1)
         N = self.lowered.gain_matrix(ca.vertcat(self.mean, rest), context, self.p)
-        moving = self.speed_at_start() > 0
+        moving = self.speed_at_start() > STANDING
         tail, nodes = ca.MX.zeros(packing.n, len(track.columns[0])), []
         for k, gap in enumerate(track.gaps):
             tail += b[:, list(track.columns[k])]

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cadet_sym.delay import choose_grid, grid_error
+from cadet_sym.lowering.initial import STANDING
 from cadet_sym.lowering.system import LoweredSystem
 
 __all__ = ["present_error", "suitable_grid"]
@@ -43,7 +44,8 @@ def _exponents(
     times = np.linspace(0.0, duration, 257)
     speeds = np.asarray(lowered.motion.map(len(times))(times[None, :], np.tile(p[:, None], len(times)))[0]).ravel()
     fastest = float(speeds.max(initial=0.0))
-    moving = np.unique(speeds[speeds >= SLOWEST * fastest].round(9)) if fastest > 0 else np.ones(1)
+    scale = fastest if fastest > STANDING else 1.0
+    moving = np.unique((speeds[speeds >= SLOWEST * fastest] / scale).round(6)) * scale if scale == fastest else [1.0]
     setbacks = np.asarray(lowered.noise(np.zeros(4), p)[2]).ravel()
     places = [[float(setbacks[columns[0]]) for columns in track.columns] for track in delay.tracks]
     lengths = np.concatenate([np.diff(place) for place in places])
@@ -53,4 +55,4 @@ def _exponents(
         # A friction without any motion yet has a gain without bound: its mode dies out within any distance.
         modes = np.linalg.eigvals(np.clip(np.nan_to_num(N), -1e12, 1e12))
         found.append(np.outer(lengths / V, modes).ravel())
-    return np.concatenate(found), bool(np.any(speeds <= 1e-9 * fastest))
+    return np.concatenate(found), bool(np.any(speeds <= max(1e-9 * fastest, STANDING)))
