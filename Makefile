@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
 
-.PHONY: demo test test-all lint docs clean
+.PHONY: demo test test-all lint docs generate clean
 .DEFAULT_GOAL := test
 
 demo: $(READY)
@@ -23,6 +23,10 @@ lint: $(READY)
 
 docs: $(READY)
 	$(BIN)/python docs/build.py
+
+# The C of the models that ship; the tests compare it with what the package writes.
+generate: $(READY)
+	for model in models/*.toml; do $(BIN)/cadet-sym export $$model --to generated/$$(basename $$model .toml) || exit 1; done
 
 # Made when it is missing, and again when pyproject.toml changed.
 $(READY): pyproject.toml

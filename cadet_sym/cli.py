@@ -199,10 +199,17 @@ def export(
     model: ModelPath,
     to: Annotated[Path, typer.Option(metavar="DIRECTORY", help="The folder to write to.")],
     settings: Settings = None,
+    prefix: Annotated[
+        str | None, typer.Option(metavar="NAME", help="What names in C begin with; the model file's name if not given.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Write to a folder that holds other files, too.")] = False,
+    fmu: Annotated[bool, typer.Option("--fmu", help="Add a functional mock-up unit (FMI 3.0).")] = False,
+    matlab: Annotated[bool, typer.Option("--matlab", help="Add the equations as a MATLAB class.")] = False,
 ) -> None:
-    """Write the compiled equations as C."""
+    """Write the compiled equations as a C library."""
     with _computing():
-        written = cs.compile(_load(model, settings)).export_c(to)
+        compiled = cs.compile(_load(model, settings))
+        written = compiled.export_c(to, prefix=prefix or model.stem, force=force)
     print(written)
 
 

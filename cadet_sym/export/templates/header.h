@@ -151,8 +151,9 @@ typedef struct {
     @p@_real matrix[@P@_SIZE * @P@_SIZE];
     @p@_real second[@P@_SIZE * @P@_SIZE];
     @p@_real third[@P@_SIZE * @P@_SIZE];
-    @p@_real vectors[8][@P@_SIZE];
+    @p@_real vectors[9][@P@_SIZE];
     int pivots[@P@_SIZE];
+    int left_out[@P@_SIZE];
 } @p@_stationary_work;
 
 typedef struct {
@@ -162,12 +163,14 @@ typedef struct {
     @p@_real residual; /* of the moment equations over the size of their own terms */
     int steps;
     int stable;        /* as a fixed point of the moment equations */
+    int drifting[@P@_STATES]; /* 1: the state has no stationary moments, and nothing depends on it; its moments are NaN */
     @p@_stationary_work *work;
 } @p@_stationary_problem;
 
 void @p@_stationary_begin(@p@_stationary_problem *problem, @p@_real speed, @p@_stationary_work *work);
 
-/* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none. */
+/* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none.
+ * Wheels that follow each other are as exact as the grid between them. */
 @p@_status @p@_stationary(@p@_stationary_problem *problem, const @p@_real *p, @p@_real *y);
 
 /* The rate, its Jacobian (pattern as above) and the outputs at a speed held constant. */

@@ -5,7 +5,7 @@ enum { SIZE = @P@_SIZE, STATES = @P@_STATES };
 #define RESIDUAL (K(1e5) * ROUNDING) /* over the size of the equations' own terms */
 #define STEP (K(1e2) * M(sqrt)(ROUNDING)) /* of the last Newton step over the standard deviations: its square is the error */
 
-enum { RATE, FIRST, TRIAL, TRIAL_RATE, SCALE, OTHER, BEST, START };
+enum { RATE, FIRST, TRIAL, TRIAL_RATE, SCALE, OTHER, BEST, START, UNSTABLE };
 
 void @p@_stationary_begin(@p@_stationary_problem *problem, R speed, @p@_stationary_work *work)
 {
@@ -18,9 +18,67 @@ void @p@_stationary_begin(@p@_stationary_problem *problem, R speed, @p@_stationa
     problem->work = work;
 }
 
+/* Rate and Jacobian values, those of drifting moments 0. */
 static void rate_at(const @p@_stationary_problem *problem, const R *p, const R *y, R *rate)
 {
     @p@_held_rate(problem->t, problem->s, problem->speed, y, p, rate);
+    for (int i = 0; i < SIZE; i++)
+        if (problem->work->left_out[i])
+            rate[i] = K(0.0);
+}
+
+static void jacobian_at(const @p@_stationary_problem *problem, const R *p, const R *y)
+{
+    @p@_stationary_work *work = problem->work;
+    @p@_held_jacobian(problem->t, problem->s, problem->speed, y, p, work->values);
+    for (int j = 0; j < SIZE; j++)
+        for (int k = @p@_jacobian_column[j]; k < @p@_jacobian_column[j + 1]; k++)
+            if (work->left_out[j] || work->left_out[@p@_jacobian_row[k]])
+                work->values[k] = K(0.0);
+}
+
+/* Whether nothing but moments that are left out depends on a moment. */
+static int unseen(const @p@_stationary_work *work, int moment)
+{
+    for (int k = @p@_jacobian_column[moment]; k < @p@_jacobian_column[moment + 1]; k++)
+        if (work->values[k] != K(0.0) && !work->left_out[@p@_jacobian_row[k]])
+            return 0;
+    return 1;
+}
+
+static void leave_out(@p@_stationary_work *work, int state, int out)
+{
+    work->left_out[state] = out;
+    for (int j = 0; j < STATES; j++)
+        if (out || !work->left_out[j])
+            work->left_out[@p@_covariance(state, j)] = out;
+}
+
+/* A state drifts if neither its own rate nor anything else depends on it, such as the height of an integrated road. */
+static void find_drifting(@p@_stationary_problem *problem, const R *p, const R *y)
+{
+    @p@_stationary_work *work = problem->work;
+    int found = 1;
+    for (int i = 0; i < SIZE; i++)
+        work->left_out[i] = 0;
+    for (int i = 0; i < STATES; i++)
+        problem->drifting[i] = 0;
+    @p@_held_jacobian(problem->t, problem->s, problem->speed, y, p, work->values);
+    while (found) {
+        found = 0;
+        for (int i = 0; i < STATES; i++) {
+            int drifts = !problem->drifting[i] && unseen(work, i);
+            if (!drifts)
+                continue;
+            leave_out(work, i, 1);
+            for (int j = 0; drifts && j < STATES; j++)
+                drifts = unseen(work, @p@_covariance(i, j));
+            if (!drifts)
+                leave_out(work, i, 0);
+            problem->drifting[i] = drifts;
+            found = found || drifts;
+        }
+    }
 }
 
 static int all_finite(const R *x)
@@ -87,12 +145,12 @@ static R relative(const @p@_stationary_work *work, const R *y, const R *wrong, c
 static int linearise(const @p@_stationary_problem *problem, const R *p, const R *y, R shift)
 {
     @p@_stationary_work *work = problem->work;
-    @p@_held_jacobian(problem->t, problem->s, problem->speed, y, p, work->values);
+    jacobian_at(problem, p, y);
     for (int i = 0; i < SIZE * SIZE; i++)
         work->matrix[i] = K(0.0);
     @p@_add_jacobian(work->values, K(1.0), work->matrix);
     for (int i = 0; i < SIZE; i++)
-        work->matrix[i * SIZE + i] -= shift;
+        work->matrix[i * SIZE + i] -= shift + (work->left_out[i] ? K(1.0) : K(0.0));
     return @p@_decompose(SIZE, work->matrix, work->pivots);
 }
 
@@ -223,12 +281,14 @@ static @p@_status follow(@p@_stationary_problem *problem, const R *p, R *y)
 }
 
 /* Whether a covariance is positive semidefinite up to rounding: Cholesky in units of the standard deviations. */
-static int semidefinite(const R *y, R *matrix, R *scale)
+static int semidefinite(const @p@_stationary_problem *problem, const R *y, R *scale)
 {
+    R *matrix = problem->work->second;
     scales(y, scale);
     for (int j = 0; j < STATES; j++)
         for (int i = j; i < STATES; i++) {
-            R sum = y[@p@_covariance(i, j)] / (scale[i] * scale[j]);
+            const int drifts = problem->drifting[i] || problem->drifting[j];
+            R sum = drifts ? (R)(i == j) : y[@p@_covariance(i, j)] / (scale[i] * scale[j]);
             for (int k = 0; k < j; k++)
                 sum -= matrix[k * STATES + i] * matrix[k * STATES + j];
             if (i == j) {
@@ -251,7 +311,7 @@ static int stable_at(const @p@_stationary_problem *problem, const R *p, const R 
     R norm = SMALLEST;
     const int squarings = ROUNDING < K(1e-10) ? 32 : 20;
     scales(y, scale);
-    @p@_held_jacobian(problem->t, problem->s, problem->speed, y, p, work->values);
+    jacobian_at(problem, p, y);
     for (int j = 0; j < SIZE; j++)
         for (int k = @p@_jacobian_column[j]; k < @p@_jacobian_column[j + 1]; k++) {
             work->values[k] *= scale[j] / scale[@p@_jacobian_row[k]];
@@ -262,8 +322,8 @@ static int stable_at(const @p@_stationary_problem *problem, const R *p, const R 
     @p@_add_jacobian(work->values, K(-1.0) / norm, work->matrix);
     @p@_add_jacobian(work->values, K(1.0) / norm, power);
     for (int i = 0; i < SIZE; i++) {
-        work->matrix[i * SIZE + i] += K(1.0);
-        power[i * SIZE + i] += K(1.0);
+        work->matrix[i * SIZE + i] += work->left_out[i] ? K(2.0) : K(1.0);
+        power[i * SIZE + i] += work->left_out[i] ? K(0.0) : K(1.0);
     }
     if (!@p@_decompose(SIZE, work->matrix, work->pivots))
         return 0;
@@ -304,7 +364,8 @@ static int stable_at(const @p@_stationary_problem *problem, const R *p, const R 
     @p@_stationary_work *work = problem->work;
     R *start = work->vectors[START];
     @p@_status status = @P@_NO_CONVERGENCE;
-    int nothing = 1;
+    R residual = K(0.0);
+    int nothing = 1, unstable = 0;
     problem->steps = 0;
     problem->stable = 0;
     for (int i = 0; i < SIZE; i++)
@@ -313,6 +374,7 @@ static int stable_at(const @p@_stationary_problem *problem, const R *p, const R 
         y[@p@_covariance(i, i)] = K(1e-8);
     for (int i = 0; i < SIZE; i++)
         start[i] = y[i];
+    find_drifting(problem, p, y);
     for (int attempt = 0; attempt < 2; attempt++) {
         for (int i = 0; i < SIZE; i++)
             y[i] = start[i];
@@ -323,13 +385,26 @@ static int stable_at(const @p@_stationary_problem *problem, const R *p, const R 
         rate_at(problem, p, y, work->vectors[RATE]);
         scales(y, work->vectors[SCALE]);
         problem->residual = relative(work, y, work->vectors[RATE], work->vectors[SCALE], work->vectors[OTHER]);
-        if (!semidefinite(y, work->second, work->vectors[SCALE])) {
+        if (!semidefinite(problem, y, work->vectors[SCALE])) {
             status = @P@_NOT_SEMIDEFINITE;
             continue;
         }
         problem->stable = stable_at(problem, p, y);
         if (problem->stable)
-            return @P@_OK;
+            break;
+        unstable = 1;
+        residual = problem->residual;
+        for (int i = 0; i < SIZE; i++)
+            work->vectors[UNSTABLE][i] = y[i];
     }
+    if (status != @P@_OK && unstable) {
+        status = @P@_OK;
+        problem->residual = residual;
+        for (int i = 0; i < SIZE; i++)
+            y[i] = work->vectors[UNSTABLE][i];
+    }
+    for (int i = 0; i < SIZE; i++)
+        if (work->left_out[i])
+            y[i] = (R)NAN;
     return status;
 }

@@ -1,0 +1,65 @@
+/* Compare the library with what cadet-sym computed when it was written (reference.h), and with itself. */
+#include <math.h>
+#include <stdio.h>
+#include "duffing.h"
+#include "reference.h"
+
+typedef duffing_real R;
+enum { SIZE = DUFFING_SIZE, OUTPUTS = DUFFING_OUTPUTS > 0 ? DUFFING_OUTPUTS : 1, ROOM = 1024 };
+
+static int failures;
+static const double exact = sizeof(R) > 4 ? 1e-10 : 1e-3; /* against numbers of 12 digits, or in single precision */
+
+/* The largest difference over the largest value. */
+static void check(const char *what, const R *found, const double *expected, int count, double tolerance)
+{
+    double largest = 0.0, wrong = 0.0;
+    for (int i = 0; i < count; i++) {
+        largest = fmax(largest, fabs(expected[i]));
+        wrong = fmax(wrong, found[i] == found[i] ? fabs((double)found[i] - expected[i]) : HUGE_VAL);
+    }
+    const int good = wrong <= tolerance * largest || !(wrong > 0.0);
+    printf("%-12s %s (%.1e of %.1e)\n", what, good ? "agrees" : "DIFFERS", wrong, largest);
+    failures += !good;
+}
+
+int main(void)
+{
+    static R y[SIZE], other[SIZE], values[DUFFING_NONZEROS > 0 ? DUFFING_NONZEROS : 1], breakpoints[ROOM];
+    static duffing_run run;
+    static duffing_stiff stiff;
+    R mean[OUTPUTS], variance[OUTPUTS];
+    const R *p = duffing_default_parameters;
+    const R end = (R)run_end;
+
+    duffing_initial(p, y);
+    check("initial", y, initial, SIZE, exact);
+    for (int i = 0; i < SIZE; i++)
+        y[i] = (R)sample_y[i];
+    duffing_rate((R)sample_t, y, p, other);
+    check("rate", other, rate, SIZE, exact);
+    duffing_jacobian((R)sample_t, y, p, values);
+    check("jacobian", values, jacobian, DUFFING_NONZEROS, exact);
+    duffing_outputs((R)sample_t, y, p, mean, variance);
+    check("means", mean, output_mean, DUFFING_OUTPUTS, exact);
+    check("variances", variance, output_variance, DUFFING_OUTPUTS, exact);
+
+    const int count = duffing_breakpoints(p, duffing_duration, breakpoints, ROOM);
+    failures += count != breakpoint_count;
+    printf("%-12s %s (%d)\n", "breakpoints", count == breakpoint_count ? "agree" : "DIFFER", count);
+    for (int method = 0; method < (SIZE > 120 ? 1 : 2); method++) { /* full matrices take long for large models */
+        duffing_initial(p, y);
+        duffing_begin(&run, (R)0, y);
+        run.rtol = (R)(sizeof(R) < 8 ? 1e-5 : method ? 1e-6 : 1e-9);
+        run.stiff = method ? &stiff : 0;
+        run.breakpoints = breakpoints;
+        run.breakpoint_count = count < ROOM ? count : ROOM;
+        const duffing_status status = duffing_propagate(&run, p, end);
+        if (status != DUFFING_OK)
+            printf("%s at t = %g\n", duffing_status_text(status), (double)run.t);
+        failures += status != DUFFING_OK;
+        check(method ? "run, stiff" : "run", run.y, final, SIZE, sizeof(R) < 8 ? 1e-2 : method ? 1e-4 : 1e-6);
+    }
+    printf(failures ? "%d failures\n" : "all well\n", failures);
+    return failures != 0;
+}

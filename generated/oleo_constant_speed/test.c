@@ -1,0 +1,65 @@
+/* Compare the library with what cadet-sym computed when it was written (reference.h), and with itself. */
+#include <math.h>
+#include <stdio.h>
+#include "oleo_constant_speed.h"
+#include "reference.h"
+
+typedef oleo_constant_speed_real R;
+enum { SIZE = OLEO_CONSTANT_SPEED_SIZE, OUTPUTS = OLEO_CONSTANT_SPEED_OUTPUTS > 0 ? OLEO_CONSTANT_SPEED_OUTPUTS : 1, ROOM = 1024 };
+
+static int failures;
+static const double exact = sizeof(R) > 4 ? 1e-10 : 1e-3; /* against numbers of 12 digits, or in single precision */
+
+/* The largest difference over the largest value. */
+static void check(const char *what, const R *found, const double *expected, int count, double tolerance)
+{
+    double largest = 0.0, wrong = 0.0;
+    for (int i = 0; i < count; i++) {
+        largest = fmax(largest, fabs(expected[i]));
+        wrong = fmax(wrong, found[i] == found[i] ? fabs((double)found[i] - expected[i]) : HUGE_VAL);
+    }
+    const int good = wrong <= tolerance * largest || !(wrong > 0.0);
+    printf("%-12s %s (%.1e of %.1e)\n", what, good ? "agrees" : "DIFFERS", wrong, largest);
+    failures += !good;
+}
+
+int main(void)
+{
+    static R y[SIZE], other[SIZE], values[OLEO_CONSTANT_SPEED_NONZEROS > 0 ? OLEO_CONSTANT_SPEED_NONZEROS : 1], breakpoints[ROOM];
+    static oleo_constant_speed_run run;
+    static oleo_constant_speed_stiff stiff;
+    R mean[OUTPUTS], variance[OUTPUTS];
+    const R *p = oleo_constant_speed_default_parameters;
+    const R end = (R)run_end;
+
+    oleo_constant_speed_initial(p, y);
+    check("initial", y, initial, SIZE, exact);
+    for (int i = 0; i < SIZE; i++)
+        y[i] = (R)sample_y[i];
+    oleo_constant_speed_rate((R)sample_t, y, p, other);
+    check("rate", other, rate, SIZE, exact);
+    oleo_constant_speed_jacobian((R)sample_t, y, p, values);
+    check("jacobian", values, jacobian, OLEO_CONSTANT_SPEED_NONZEROS, exact);
+    oleo_constant_speed_outputs((R)sample_t, y, p, mean, variance);
+    check("means", mean, output_mean, OLEO_CONSTANT_SPEED_OUTPUTS, exact);
+    check("variances", variance, output_variance, OLEO_CONSTANT_SPEED_OUTPUTS, exact);
+
+    const int count = oleo_constant_speed_breakpoints(p, oleo_constant_speed_duration, breakpoints, ROOM);
+    failures += count != breakpoint_count;
+    printf("%-12s %s (%d)\n", "breakpoints", count == breakpoint_count ? "agree" : "DIFFER", count);
+    for (int method = 0; method < (SIZE > 120 ? 1 : 2); method++) { /* full matrices take long for large models */
+        oleo_constant_speed_initial(p, y);
+        oleo_constant_speed_begin(&run, (R)0, y);
+        run.rtol = (R)(sizeof(R) < 8 ? 1e-5 : method ? 1e-6 : 1e-9);
+        run.stiff = method ? &stiff : 0;
+        run.breakpoints = breakpoints;
+        run.breakpoint_count = count < ROOM ? count : ROOM;
+        const oleo_constant_speed_status status = oleo_constant_speed_propagate(&run, p, end);
+        if (status != OLEO_CONSTANT_SPEED_OK)
+            printf("%s at t = %g\n", oleo_constant_speed_status_text(status), (double)run.t);
+        failures += status != OLEO_CONSTANT_SPEED_OK;
+        check(method ? "run, stiff" : "run", run.y, final, SIZE, sizeof(R) < 8 ? 1e-2 : method ? 1e-4 : 1e-6);
+    }
+    printf(failures ? "%d failures\n" : "all well\n", failures);
+    return failures != 0;
+}

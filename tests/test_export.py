@@ -1,0 +1,310 @@
+"""The exported C library is the model: the same equations, runs and stationary moments, on any compiler."""
+
+from __future__ import annotations
+
+import csv
+import io
+import subprocess
+from functools import cache
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from conftest import ROOT, SHIPPED
+from exported import Exported, build, compiler, sources
+
+import cadet_sym as cs
+from cadet_sym.export.c import Run, library
+from cadet_sym.export.program import translate
+from cadet_sym.lowering.portable import portable
+
+MODELS = [path.stem for path in SHIPPED]
+FIRST = "oleo_acceleration"
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory, shipped):
+    """The compiled library of a shipped model, and its folder."""
+
+    @cache
+    def make(name: str) -> tuple[Exported, Path]:
+        compiler()
+        folder = shipped(name).export_c(tmp_path_factory.mktemp("c") / name, prefix=name)
+        return Exported(folder, name, tmp_path_factory.mktemp("so")), folder
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def program(exported, tmp_path_factory):
+    """The program of main.c of a shipped model."""
+
+    @cache
+    def make(name: str) -> Path:
+        _, folder = exported(name)
+        return build(folder, tmp_path_factory.mktemp("bin") / name, [*sources(folder), folder / "main.c"], "-O1")
+
+    return make
+
+
+def samples(compiled: cs.CompiledModel, count: int = 5):
+    """Times and moments like those of a run, the first of them without any variance."""
+    rng = np.random.default_rng(1)
+    packing = compiled.equations.packing
+    for k in range(count):
+        root = k * rng.normal(size=(packing.n, packing.n))
+        moments = packing.pack(k * rng.normal(size=packing.n), root @ root.T)
+        y = np.concatenate([moments, np.abs(rng.normal(size=packing.size - packing.moments))])
+        yield float(rng.uniform(0.1, 5.0)), y
+
+
+def close(found: np.ndarray, expected: np.ndarray, tolerance: float) -> None:
+    expected = np.asarray(expected).ravel()
+    np.testing.assert_allclose(found, expected, rtol=tolerance, atol=tolerance * np.abs(expected).max(initial=0.0))
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_equations_are_those_of_python(name, exported, shipped):
+    c, _ = exported(name)
+    compiled = shipped(name)
+    functions, p = compiled.functions, compiled.parameter_vector()
+    size, outputs = compiled.equations.packing.size, len(compiled.outputs)
+    portables = portable(functions)
+    pattern = portables.jacobian.sparsity_out(0)
+    close(c.call("initial", p, result=size), compiled.initial(), 1e-13)
+    for t, y in samples(compiled):
+        close(c.call("rate", t, y, p, result=size), functions.rate(t, y, p), 1e-13)
+        values = c.call("jacobian", t, y, p, result=pattern.nnz())
+        close(values, np.array(portables.jacobian(t, y, p).nonzeros()), 1e-13)
+        dense = c.call("jacobian_dense", t, y, p, result=size**2).reshape(size, size).T
+        close(dense.ravel(), np.asarray(ca.densify(functions.jacobian(t, y, p))), 1e-13)
+        mean, variance = np.zeros(max(outputs, 1)), np.zeros(max(outputs, 1))
+        c.call("outputs", t, y, p, mean, variance)
+        expected = functions.outputs(t, y, p)
+        close(mean[:outputs], expected[0], 1e-13)
+        close(variance[:outputs], expected[1], 1e-13)
+    assert list(c.integers("jacobian_row", pattern.nnz())) == pattern.row()
+    assert list(c.integers("jacobian_column", size + 1)) == pattern.colind()
+
+
+def table(program: Path, *arguments: str) -> dict[str, np.ndarray]:
+    run = subprocess.run([program, *arguments], capture_output=True, text=True, timeout=120)
+    assert run.returncode == 0, run.stderr
+    rows = list(csv.reader(io.StringIO(run.stdout)))
+    return {name: np.array([float(row[k]) for row in rows[1:]]) for k, name in enumerate(rows[0])}
+
+
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("method", [(), ("--stiff",)], ids=["explicit", "stiff"])
+def test_runs_agree_with_cvodes(name, method, program, shipped):
+    found = table(program(name), "--points", "6", "--rtol", "1e-7" if method else "1e-9", *method)
+    history = shipped(name).propagate(found["t"], rtol=1e-10)
+    for column, expected in history.columns().items():
+        scale = np.abs(expected).max()
+        if column.startswith("covariance"):
+            first, second = column.split()[1:]
+            scale = max(scale, history.std[first].max() * history.std[second].max())
+        np.testing.assert_allclose(found[column], expected, rtol=0, atol=1e-6 * scale + 1e-12, err_msg=column)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_stationary_moments_agree(name, program, shipped):
+    compiled = shipped(name)
+    speed = 20.0 if compiled.model.ground is not None else None
+    solution = compiled.stationary(speed=speed)
+    found = table(program(name), "--stationary", str(speed or 0.0))
+    scale = 1e-9 * np.nanmax(solution.std.values)
+    for column, expected in solution.columns().items():
+        np.testing.assert_allclose(found[column][0], expected, rtol=1e-9, atol=scale)
+
+
+def test_fixed_steps_converge_to_the_run(program):
+    name = "oleo_acceleration"
+
+    def final(*method: str) -> float:
+        return table(program(name), "--points", "2", *method)["variance x"][-1]
+
+    errors = [abs(final("--fixed", steps) - final("--rtol", "1e-10")) for steps in ("1500", "3000")]
+    assert errors[1] < errors[0] / 10
+    assert "fixed step" in subprocess.run([program(name), "--cost"], capture_output=True, text=True).stdout
+
+
+def test_parameters_may_change(program):
+    found = table(program("oleo_acceleration"), "--points", "3", "--set", "r=1")
+    assert found["variance x"][1:] == pytest.approx([1.145568, 0.853872], rel=1e-6)
+    assert found["mean x"] == pytest.approx(0.0, abs=1e-12)
+
+
+BRAKE = """
+schema = 1
+name = "Brake, Ω and a pulse"
+[parameters]
+"λ" = 3.0
+int = 2.0
+V = 4.0
+[rates]
+x = "v"
+v = "-int*x - λ*v - v**3 + (20 if t > 1.23 and t < 1.24 else 0) - der(h)"
+[contacts]
+h = {}
+[ground]
+kind = "exponential"
+sigma = 0.1
+cutoff = 0.5
+rolling_contact = 2.0
+[travel]
+speed = "max(V - t, 0)"
+[outputs]
+"switch" = "x"
+[run]
+duration = 6.0
+points = 7
+"""
+
+
+@pytest.fixture(scope="module")
+def brake(tmp_path_factory):
+    from cadet_sym.language.modelfile import loads
+
+    compiled = cs.compile(loads(BRAKE))
+    folder = compiled.export_c(tmp_path_factory.mktemp("c") / "brake", prefix="auto")
+    return compiled, folder, Exported(folder, "auto", tmp_path_factory.mktemp("so"))
+
+
+def test_breakpoints_follow_the_parameters(brake):
+    compiled, _, c = brake
+    for V in (4.0, 2.5):
+        p = compiled.parameter_vector({"V": V})
+        times = np.zeros(16)
+        count = c.function("breakpoints")(*map(_pointer, (p,)), _double(6.0), _pointer(times), 16)
+        assert times[:count] == pytest.approx(compiled.breakpoints(p, 6.0), abs=1e-9)
+
+
+def test_a_short_pulse_is_not_stepped_over(brake, tmp_path):
+    compiled, folder, _ = brake
+    made = build(folder, tmp_path / "brake", [*sources(folder), folder / "main.c"], "-O1")
+    history = compiled.propagate(rtol=1e-10)
+    for method in ([], ["--stiff"]):
+        found = table(made, *method)
+        np.testing.assert_allclose(found["mean x"], history.mean["x"], rtol=1e-6, atol=1e-8)
+        np.testing.assert_allclose(found["variance v"], history.variance["v"], rtol=1e-6)
+
+
+def _pointer(values: np.ndarray):
+    import ctypes
+
+    return values.ctypes.data_as(ctypes.c_void_p)
+
+
+def _double(value: float):
+    import ctypes
+
+    return ctypes.c_double(value)
+
+
+SANITISE = ["-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+
+
+EVERY = [pytest.param(name, by, marks=pytest.mark.slow) for name in MODELS for by in ("gcc", "clang")]
+
+
+@pytest.mark.parametrize(("name", "by"), [("duffing", "gcc"), *EVERY])
+def test_the_library_is_clean_and_passes_its_own_test(name, by, exported, tmp_path):
+    compiler(by)
+    _, folder = exported(name)
+    made = build(folder, tmp_path / "test", [*sources(folder), folder / "test.c"], *SANITISE, by=by)
+    run = subprocess.run([made], capture_output=True, text=True, timeout=300)
+    assert run.returncode == 0, run.stdout + run.stderr
+    main = build(folder, tmp_path / "main", [*sources(folder), folder / "main.c"], *SANITISE, by=by)
+    for arguments in (["--stationary", "20"], ["--fixed", "3000"], ["--points", "3", "--stiff"]):
+        run = subprocess.run([main, *arguments], capture_output=True, text=True, timeout=300)
+        assert run.returncode == 0, run.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MODELS)
+def test_valgrind_finds_nothing(name, program):
+    compiler("valgrind")
+    for arguments in (["--points", "3", "--rtol", "1e-4"], ["--stationary", "20"]):
+        run = subprocess.run(
+            ["valgrind", "--error-exitcode=9", "--leak-check=full", program(name), *arguments],
+            capture_output=True, text=True, timeout=600,
+        )
+        assert run.returncode == 0, run.stderr
+
+
+@pytest.mark.parametrize("name", [FIRST, *(pytest.param(n, marks=pytest.mark.slow) for n in MODELS if n != FIRST)])
+def test_single_precision(name, exported, tmp_path):
+    _, folder = exported(name)
+    option = f"-D{name.upper()}_FLOAT"
+    made = build(folder, tmp_path / "test", [*sources(folder), folder / "test.c"], "-O1", option)
+    run = subprocess.run([made], capture_output=True, text=True, timeout=120)
+    assert run.returncode == 0, run.stdout
+
+
+def test_the_library_allocates_nothing(exported):
+    c, folder = exported(FIRST)
+    names = subprocess.run(["nm", "-u", c.path], capture_output=True, text=True, check=True).stdout
+    needed = {line.split()[-1].partition("@")[0] for line in names.splitlines()}
+    assert not needed & {"malloc", "calloc", "free", "printf"}
+    assert subprocess.run(["make", "-C", folder, "-n"], capture_output=True).returncode == 0
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_what_ships_in_generated_is_what_is_exported(name, shipped):
+    compiled = shipped(name)
+    run = Run(
+        compiled.parameter_vector(), compiled.initial(), compiled.model.number(compiled.model.run.duration),
+        compiled.model.run.points,
+    )
+    written = library(compiled.functions, run, name).files()
+    folder = ROOT / "generated" / name
+    for file, content in written.items():
+        assert (folder / file).read_text(encoding="utf-8") == content, f"{file}: run `make generate`"
+    assert {path.name for path in folder.iterdir()} >= written.keys()
+
+
+def test_every_operation_is_written_as_casadi_computes_it(tmp_path):
+    """Each row of the table, against CasADi's own evaluation, bit for bit where libm allows."""
+    compiler()
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    one = [
+        "exp", "log", "sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "atanh",
+        "floor", "ceil", "fabs", "sign", "erf", "expm1", "log1p",
+    ]
+    two = ["fmin", "fmax", "atan2", "fmod", "hypot", "copysign", "remainder", "logic_and", "logic_or"]
+    results = [getattr(ca, name)(x) for name in one] + [getattr(ca, name)(x, y) for name in two]
+    results += [ca.acosh(1 + x), x + y, x - y, x * y, x / y, 1 / x, -x, x + x, x**2, x**y, x**2.5]
+    results += [x < y, x <= y, ca.eq(x, y), ca.ne(x, y), ca.logic_not(x), ca.if_else(x < y, x, y)]
+    results += [x * 0.1, x + 1e300, x - 5e-324, x + ca.inf]
+    function = ca.Function("all", [ca.vertcat(x, y)], [ca.vertcat(*results)], ["z"], ["f"])
+    text = translate(function, "all_of_them").text
+    header = "#include <math.h>\ntypedef double R;\n#define K(x) (x)\n#define TINY(x) (x)\n#define M(f) f\n"
+    (tmp_path / "all.c").write_text(header + "void all_of_them(const R *restrict z, R *restrict f);\n" + text)
+    build(tmp_path, tmp_path / "all.so", [tmp_path / "all.c"], "-shared", "-fPIC")
+    import ctypes
+
+    made = ctypes.CDLL(str(tmp_path / "all.so"))
+    for values in ([0.3, 0.7], [0.9, 0.2], [0.5, 0.5]):
+        z, f = np.array(values), np.zeros(len(results))
+        made.all_of_them(_pointer(z), _pointer(f))
+        np.testing.assert_allclose(f, np.asarray(function(z)).ravel(), rtol=1e-15)
+
+
+def test_long_functions_are_cut_into_blocks(tmp_path):
+    z = ca.SX.sym("z", 40)
+    f = z
+    for k in range(120):
+        f = ca.sin(f) + ca.vertcat(f[1:], f[0]) * (k + 1) / 100
+    function = ca.Function("long", [z], [f], ["z"], ["f"])
+    program = translate(function, "long_one")
+    assert program.text.count("static void") > 3
+    header = "#include <math.h>\ntypedef double R;\n#define K(x) (x)\n#define M(f) f\n"
+    (tmp_path / "f.c").write_text(header + "void long_one(const R *restrict z, R *restrict f);\n" + program.text)
+    build(tmp_path, tmp_path / "f.so", [tmp_path / "f.c"], "-shared", "-fPIC")
+    import ctypes
+
+    values, found = np.linspace(-1, 1, 40), np.zeros(40)
+    ctypes.CDLL(str(tmp_path / "f.so")).long_one(_pointer(values), _pointer(found))
+    np.testing.assert_allclose(found, np.asarray(function(values)).ravel(), rtol=1e-15)
