@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from cadet_sym.augment import augment
 from cadet_sym.delay import CHOICES
-from cadet_sym.errors import ModelError
+from cadet_sym.errors import ModelError, SolverError
 from cadet_sym.language.model import Model
 from cadet_sym.language.modelfile import load
 from cadet_sym.linearise import linearise
@@ -25,18 +25,21 @@ from cadet_sym.lowering.system import LoweredSystem, lower
 from cadet_sym.moments import MomentEquations, moment_equations
 from cadet_sym.results import MomentHistory, Provenance, StationaryMoments, StationarySolutions
 from cadet_sym.solve.breakpoints import find_breakpoints
+from cadet_sym.solve.evaluate import over_time
 from cadet_sym.solve.freeze import Conditions, conditions, freeze
 from cadet_sym.solve.frozen import FrozenProblem
 from cadet_sym.solve.search import stationary_points
 from cadet_sym.solve.start import profile_mean
 from cadet_sym.solve.stationary import StationaryPoint, stationary_point
 from cadet_sym.solve.steady import steady_start
-from cadet_sym.solve.transient import Trajectory, integrate
+from cadet_sym.solve.transient import Start, Trajectory, check_times, integrate
 from cadet_sym.solve.wheels import present_error, suitable_grid
 
 __all__ = ["CompiledModel", "compile"]
 
 Array = npt.NDArray[np.float64]
+
+VERSION = version("cadet-sym")
 
 
 COARSE = 1e-2
@@ -157,32 +160,58 @@ class CompiledModel:
         points: int | None = None,
         rtol: float | None = None,
         parameters: Mapping[str, float] | None = None,
+        engine: str = "auto",
     ) -> MomentHistory:
         """Integrate mean and covariance over the run; by default the model's own duration and output times.
+
+        Parameters
+        ----------
+        times : output times, increasing from 0 on; or give `duration` and `points`.
+        rtol : relative tolerance, the model's own by default; absolute tolerances follow from each state's size.
+        parameters : values in place of the declared ones.
+        engine : "auto" chooses by the number of states and the eigenvalues of N; see `solve.transient`.
 
         Raises
         ------
         ModelError
             Wrong times, tolerances or parameters.
         SolverError
-            If the integration fails; says when, where, and what was reached.
+            If the integration fails; says when, where, and what was reached. `partial` is the history up to there.
         """
         run = self.model.run
         if times is None:
             end = self.model.number(run.duration) if duration is None else duration
             times = np.linspace(0.0, end, run.points if points is None else points)
-        p = self.parameter_vector(parameters)
-        grid = np.atleast_1d(np.asarray(times, dtype=float))
-        breakpoints = self.breakpoints(p, float(grid[-1])) if grid.size else ()
-        trajectory = integrate(
-            self.functions,
-            self.initial(parameters),
-            p,
-            grid,
-            rtol=run.rtol if rtol is None else rtol,
-            breakpoints=breakpoints,
-        )
-        return self._history(trajectory, p, self._wheel_error(trajectory, p))
+        grid = check_times(times)
+        start = self._start(self.parameter_vector(parameters), float(grid[-1]))
+        try:
+            trajectory = integrate(
+                self.functions,
+                start,
+                grid,
+                rtol=run.rtol if rtol is None else rtol,
+                engine=engine,
+                declared=(lambda: self._start(self.parameter_vector(), float(grid[-1]))) if parameters else None,
+            )
+        except SolverError as error:
+            if isinstance(partial := error.details.get("partial"), Trajectory):
+                error.partial = error.details["partial"] = self._history(partial, start.p)  # type: ignore[attr-defined]
+            raise
+        return self._history(trajectory, start.p)
+
+    def _start(self, p: Array, duration: float) -> Start:
+        """Moments at the start and known breakpoints, remembered for the parameters last used."""
+        kept, key = self._starts, (p.tobytes(), duration)
+        if key not in kept:
+            if len(kept) >= 64:
+                kept.clear()
+            values = dict(zip(self.parameters, p.tolist(), strict=True))
+            kept[key] = Start(self.initial(values), p, self.breakpoints(p, duration))
+        return kept[key]
+
+    @cached_property
+    def _starts(self) -> dict[tuple[bytes, float], Start]:
+        return {}
 
     def frozen(
         self,
@@ -270,7 +299,7 @@ class CompiledModel:
             statistics=statistics,
             parameters=dict(zip(self.parameters, p.tolist(), strict=True)),
             model_hash=self.model.hash,
-            version=version("cadet-sym"),
+            version=VERSION,
         )
 
     def _wheel_error(self, trajectory: Trajectory, p: Array) -> dict[str, float]:
@@ -287,7 +316,15 @@ class CompiledModel:
             )
         return {"wheel grid error": error}
 
-    def export_c(self, path: str | Path, *, prefix: str | None = None, force: bool = False) -> Path:
+    def export_c(
+        self,
+        path: str | Path,
+        *,
+        prefix: str | None = None,
+        force: bool = False,
+        fmu: bool = False,
+        matlab: bool = False,
+    ) -> Path:
         """Write the moment equations as a C99 library with a propagator and a stationary solver; returns the folder.
 
         Parameters
@@ -295,6 +332,8 @@ class CompiledModel:
         path : folder to write to, whole or not at all; made if it is missing.
         prefix : what all public names of the library begin with; by default the model's name.
         force : write to a folder that holds files that are not ours, too; they stay.
+        fmu : add a functional mock-up unit, FMI 3.0 model exchange (needs gcc and FMPy).
+        matlab : add the equations as a MATLAB (or GNU Octave) function.
 
         Raises
         ------
@@ -305,15 +344,16 @@ class CompiledModel:
         """
         from cadet_sym.export.c import Run, export_c
 
-        run = Run(self.parameter_vector(), self.initial(), self.model.number(self.model.run.duration), self.model.run.points)
-        return export_c(self.functions, run, path, prefix=prefix, force=force)
+        settings = self.model.run
+        duration = self.model.number(settings.duration)
+        run = Run(self.parameter_vector(), self.initial(), duration, settings.points)
+        return export_c(self.functions, run, path, prefix=prefix, force=force, fmu=fmu, matlab=matlab)
 
     def _history(self, trajectory: Trajectory, p: Array, more: Mapping[str, float]) -> MomentHistory:
         mean, covariance = self.equations.packing.unpack(trajectory.y)
         k = len(trajectory.time)
         if self.outputs:
-            pairs = self.functions.outputs.map(k)(trajectory.time[None, :], trajectory.y.T, np.tile(p[:, None], k))
-            output_mean, output_variance = (np.asarray(part).T for part in pairs)
+            output_mean, output_variance = over_time(self.functions.outputs, trajectory.time, trajectory.y, p)
         else:
             output_mean = output_variance = np.zeros((k, 0))
         return MomentHistory(

@@ -2,35 +2,52 @@
 
 The run is cut at every known breakpoint (a kink of the speed, an edge of the profile, a wheel that meets the
 ground) and restarted there, for no integrator sees an input that is shorter than its step. Every moment is
-integrated in units of its own size, so that one tolerance means the same for a displacement in metres and a
-force in newtons: |error| <= rtol (|y| + 1e-4 size) a step.
+integrated to its own size, so that one tolerance means the same for a displacement in metres and a force in newtons:
+a step's error is held under local (|y| + size / 100). The sizes come from a rough run beforehand, the engine from the
+number of states and the eigenvalues of N.
 """
 
 from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
+from typing import Protocol
+from weakref import WeakKeyDictionary
 
-import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from cadet_sym.errors import ModelError, SolverError
+from cadet_sym.errors import ModelError
 from cadet_sym.lowering.system import LoweredSystem
-from cadet_sym.moments import Packing
+from cadet_sym.solve.breakdown import Breakdown, explain
+from cadet_sym.solve.cvodes import Direct
+from cadet_sym.solve.definite import lost, warn_of_loss
+from cadet_sym.solve.evaluate import gains
+from cadet_sym.solve.krylov import Stepping
+from cadet_sym.solve.scales import Tolerance, fits, peaks
 
-__all__ = ["Trajectory", "check_times", "integrate"]
+__all__ = ["ENGINES", "Start", "Trajectory", "check_times", "integrate"]
 
 Array = npt.NDArray[np.float64]
 
-SAFETY = 0.1
-"""The integrator's tolerance over what is asked for: errors of single steps add up over a run."""
+ABSOLUTE = 1e-2
+"""Absolute over relative tolerance, in units of each moment's own size, at rtol 1e-6 and above."""
 
-ABSOLUTE = 1e-4
-"""Absolute over relative tolerance, in units of each moment's own size."""
+ROUGH = 1e-2
+"""Tolerance of the run that finds the sizes."""
+
+SMALL = 100
+"""Packed moments up to which CasADi's CVODES with its direct solver is the fastest (12 states) ..."""
+
+FEW = 6
+"""... unless the run has more stretches than this, each of which needs an integrator of its own."""
+
+MILD = 500.0
+"""Largest frequency of the covariance times duration up to which explicit formulas are the cheapest."""
+
+ENGINES = ("auto", "direct", "implicit", "krylov", "explicit")
 
 
 @dataclass(frozen=True)
@@ -44,34 +61,75 @@ class Trajectory:
     statistics: Mapping[str, float] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class Start:
+    """Where a run starts and what it meets: packed moments at t = 0, parameters, times of known breakpoints."""
+
+    y: Array
+    p: Array
+    breakpoints: tuple[float, ...] = ()
+
+
+class Engine(Protocol):
+    """One way to integrate a stretch."""
+
+    @property
+    def name(self) -> str:
+        """The method, by its name in the literature."""
+        ...
+
+    @property
+    def steps(self) -> int:
+        """How much work it was."""
+        ...
+
+    def advance(self, begin: float, y: Array, grid: Array) -> Array:
+        """Packed moments (k, size) at the times of the grid, from y at `begin`; raises Breakdown."""
+        ...
+
+
 def integrate(
     lowered: LoweredSystem,
-    start: Array,
-    p: Array,
-    times: Array,
+    start: Start,
+    times: npt.ArrayLike,
     *,
     rtol: float = 1e-8,
-    breakpoints: Sequence[float] = (),
+    engine: str = "auto",
+    declared: Callable[[], Start] | None = None,
 ) -> Trajectory:
-    """Integrate the packed moments from `start` at t = 0 to the `times` (increasing, from 0 on).
+    """Integrate the packed moments from the start to the `times` (increasing, from 0 on).
+
+    Parameters
+    ----------
+    engine : "auto", or "direct" (CasADi's CVODES), "implicit" or "krylov" (BDF with the Lyapunov inverse, by itself
+        or as the preconditioner of GMRES), "explicit" (Adams).
+    declared : the start at the model's own parameters. The sizes found there serve for other values unless they turn
+        out not to suit: repeated runs find them once, and no result depends on what ran before.
 
     Raises
     ------
     SolverError
-        If the integration fails or overflows: says at what time, for which state, and what was reached.
+        If the integration fails or overflows: says at what time, for which state, and what was reached; `partial` is
+        the Trajectory up to there.
     """
-    times = check_times(times)
+    grid = check_times(times)
     if not (np.isfinite(rtol) and 1e-13 <= rtol <= 0.1):
         raise ModelError(f"rtol is {rtol!r}; it must lie between 1e-13 and 0.1.")
+    if engine not in ENGINES:
+        raise ModelError(f"`{engine}` is not an engine; those are: {', '.join(ENGINES)}.")
     began = time.perf_counter()
-    size = _sizes(lowered, start, p, times, breakpoints)
-    y, counts = _march(lowered, start, p, times, breakpoints, size, SAFETY * rtol)
-    reached = _peaks(y, lowered.equations.packing)
-    if np.any(reached > 100 * size):  # the rough run missed how large something grows
-        size = np.maximum(size, reached)
-        y, counts = _march(lowered, start, p, times, breakpoints, size, SAFETY * rtol)
-    statistics = {**counts, "seconds": time.perf_counter() - began}
-    return Trajectory(times, y, "CVODES (BDF, direct)", rtol, statistics)
+    packing = lowered.equations.packing
+    kind = engine if engine != "auto" else _choose(lowered, start, grid)
+    size = _sizes(lowered, start, float(grid[-1]), kind, declared)
+    y, used = _march(lowered, start, grid, kind, _tolerance(rtol, size), rtol)
+    if not fits(size, y, packing):
+        size = peaks(np.vstack([start.y, y]), packing)
+        y, used = _march(lowered, start, grid, kind, _tolerance(rtol, size), rtol)
+    if lost(y, packing).any():
+        y, used = _march(lowered, start, grid, kind, _tolerance(rtol * 1e-3, size), rtol)
+        warn_of_loss(grid, y, packing, lowered.equations.states)
+    statistics = {"steps": float(used.steps), "stretches": len(_edges(start, grid)) - 1.0}
+    return Trajectory(grid, y, used.name, rtol, statistics | {"seconds": time.perf_counter() - began})
 
 
 def check_times(times: npt.ArrayLike) -> Array:
@@ -87,149 +145,114 @@ def check_times(times: npt.ArrayLike) -> Array:
     return grid
 
 
+def _choose(lowered: LoweredSystem, start: Start, grid: Array) -> str:
+    """Direct while small; else by what explicit formulas would cost: the frequencies of P are sums of two of N's."""
+    if lowered.equations.packing.size <= SMALL and len(_edges(start, grid)) - 1 <= FEW:
+        return "direct"
+    duration = float(grid[-1])
+    seen = {gains(lowered, t, start.y, start.p).tobytes() for t in (0.0, duration / 2, duration)}
+    n = lowered.equations.packing.n
+    matrices = np.array([np.frombuffer(each).reshape(n, n) for each in seen])
+    if not np.isfinite(matrices).all():
+        return "implicit"
+    fastest = float(np.abs(np.linalg.eigvals(matrices)).max(initial=0.0))
+    return "explicit" if 2 * fastest * duration <= MILD else "implicit"
+
+
+def _tolerance(rtol: float, size: Array) -> Tolerance:
+    """What a step may err by: errors add up, the more steps the more, and small values matter the more."""
+    share = min(1.0, (max(rtol, 1e-13) / 1e-6) ** 0.25)
+    return Tolerance(max(share * rtol, 1e-14), share**2 * ABSOLUTE, size)
+
+
+def _engine(lowered: LoweredSystem, p: Array, kind: str, tolerance: Tolerance) -> Engine:
+    if kind == "direct":
+        return Direct(lowered, p, tolerance)
+    return Stepping(lowered, p, tolerance, stiff=kind != "explicit", full_newton=kind == "krylov")
+
+
+# -- sizes ------------------------------------------------------------------------------------------------
+
+_known_sizes: WeakKeyDictionary[LoweredSystem, dict[tuple[float, bytes], Array]] = WeakKeyDictionary()
+
+
 def _sizes(
-    lowered: LoweredSystem, start: Array, p: Array, times: Array, breakpoints: Sequence[float]
+    lowered: LoweredSystem, start: Start, duration: float, kind: str, declared: Callable[[], Start] | None
 ) -> Array:
-    """How large every moment becomes, from a rough run with tolerances far below anything's size."""
+    """How large every moment becomes over the duration, at the declared parameters if those are known."""
+    kept = _known_sizes.setdefault(lowered, {})
+    key = (duration, b"" if declared else start.p.tobytes() + start.y.tobytes())
+    if key not in kept:
+        if len(kept) > 256:
+            kept.clear()
+        kept[key] = _rough_run(lowered, declared() if declared else start, duration, kind)
+    return kept[key]
+
+
+def _rough_run(lowered: LoweredSystem, start: Start, duration: float, kind: str) -> Array:
+    """Sizes from a run with tolerances far below anything's size; guesses where that run fails."""
     packing = lowered.equations.packing
-    grid = np.unique(np.concatenate([times, np.linspace(0, times[-1], 33)[1:]]))
-    slopes = np.hstack([np.asarray(lowered.rate(t, start, p)) for t in (0.0, times[-1] / 2, times[-1])])
-    largest = np.abs(start).max() + np.abs(np.nan_to_num(slopes)).max() * max(times[-1], 1e-300)
+    slopes = np.hstack([np.asarray(lowered.rate(t, start.y, start.p)) for t in (0.0, duration / 2, duration)])
+    largest = np.abs(start.y).max(initial=0.0) + np.abs(np.nan_to_num(slopes)).max() * max(duration, 1e-300)
     small = np.sqrt(largest) if largest > 0 else 1.0
-    failure = SolverError("")
-    for fraction in (1e-8, 1e-5, 1e-2):
+    grid = np.linspace(0, duration, 34)[1:] if duration > 0 else np.zeros(1)
+    for fraction in (1e-6, 1e-3):
+        guess = Tolerance(ROUGH, ABSOLUTE, np.full(packing.size, fraction * small), 5_000)
         try:
-            sizes = np.full(packing.size, fraction * small)
-            y, _ = _march(lowered, start, p, grid, breakpoints, sizes, 1e-2)
-        except SolverError as error:
-            failure = error
-        else:
-            return _peaks(np.vstack([start, y]), packing)
-    raise failure
+            y, _ = _march(lowered, start, grid, kind, guess)
+        except Breakdown:
+            continue
+        return peaks(np.vstack([start.y, y]), packing)
+    return np.full(packing.size, 1e-3 * small)
 
 
-def _peaks(y: Array, packing: Packing) -> Array:
-    """Largest size of every moment over a run: standard deviations and their products for the covariances."""
-    rows, columns = packing.triangle
-    n = packing.n
-    diagonal = n + np.flatnonzero(rows == columns)
-    deviation = np.sqrt(np.abs(y[:, diagonal]).max(axis=0))
-    deviation = np.where(deviation > 0, deviation, np.max(deviation, initial=0.0) * 1e-3)
-    deviation = np.where(deviation > 0, deviation, 1.0)
-    mean = np.maximum(np.abs(y[:, :n]).max(axis=0), deviation)
-    alongside = np.abs(y[:, packing.moments :])
-    alongside = np.maximum(alongside.max(axis=0, initial=0.0), 1e-3 * alongside.max(initial=0.0))
-    alongside = np.where(alongside > 0, alongside, 1.0)
-    return np.concatenate([mean, deviation[rows] * deviation[columns], alongside])
+# -- marching ---------------------------------------------------------------------------------------------
+
+
+def _edges(start: Start, grid: Array) -> list[float]:
+    return [0.0, *sorted(b for b in set(start.breakpoints) if 0 < b < grid[-1]), float(grid[-1])]
 
 
 def _march(
     lowered: LoweredSystem,
-    start: Array,
-    p: Array,
-    times: Array,
-    breakpoints: Sequence[float],
-    size: Array,
-    rtol: float,
-) -> tuple[Array, dict[str, float]]:
-    """Integrate stretch by stretch; returns the moments at the times, and counts of work."""
-    edges = [0.0, *sorted(b for b in set(breakpoints) if 0 < b < times[-1]), float(times[-1])]
-    y, found, counts = start, [], {"steps": 0.0, "stretches": 0.0}
-    if times[0] == 0:
-        found.append(start)
-    for begin, end in itertools.pairwise(edges):
+    start: Start,
+    grid: Array,
+    kind: str,
+    tolerance: Tolerance,
+    asked: float | None = None,
+) -> tuple[Array, Engine]:
+    """Integrate stretch by stretch; returns the moments at the times, and the engine.
+
+    A breakdown leaves as it is, or, where the tolerance asked for is given, explained to the user.
+    """
+    engine = _engine(lowered, start.p, kind, tolerance)
+    y, found = start.y, [start.y] if grid[0] == 0 else []
+    for begin, end in itertools.pairwise(_edges(start, grid)):
         if end <= begin:
             continue
-        asked = times[(times > begin) & (times <= end)]
-        grid = asked if asked.size and asked[-1] == end else np.append(asked, end)
-        stretch = _stretch(lowered, y, p, begin, grid, size, rtol)
-        counts["steps"] += stretch[1]
-        counts["stretches"] += 1
-        found.extend(stretch[0][: asked.size])
-        y = stretch[0][-1]
-    return np.array(found), counts
-
-
-def _stretch(
-    lowered: LoweredSystem, y: Array, p: Array, begin: float, grid: Array, size: Array, rtol: float
-) -> tuple[Array, float]:
-    integrator = _integrator(lowered, tuple(grid - begin), rtol)
-    inputs = ca.vertcat(ca.DM(p), ca.DM(size), begin)
-    try:
-        result = integrator(x0=ca.DM(y / size), p=inputs)["xf"]
-    except RuntimeError as error:
-        raise _failure(lowered, y, p, begin, float(grid[-1]), str(error)) from None
-    values = np.asarray(result).T * size
-    if not np.all(np.isfinite(values)):
-        raise _failure(lowered, y, p, begin, float(grid[-1]), "the result is not finite")
-    return values, float(integrator.stats().get("nsteps", 0))
-
-
-@lru_cache(maxsize=64)
-def _integrator(lowered: LoweredSystem, grid: tuple[float, ...], rtol: float) -> ca.Function:
-    """CVODES over one stretch, time counted from its beginning, every moment in units of its size."""
-    n = lowered.equations.packing.size
-    t, x = ca.SX.sym("t"), ca.SX.sym("x", n)
-    p = ca.SX.sym("p", len(lowered.parameters) + n + 1)
-    count = len(lowered.parameters)
-    size, begin = p[count : count + n], p[count + n]
-    ode = lowered.rate(begin + t, size * x, p[:count]) / size
-    options = {
-        "reltol": rtol,
-        "abstol": ABSOLUTE * rtol,
-        "max_num_steps": 1_000_000,
-        "show_eval_warnings": False,
-        "disable_internal_warnings": True,
-    }
-    dae = {"x": x, "p": p, "t": t, "ode": ode}
-    return ca.integrator("run", "cvodes", dae, 0.0, list(grid), options)
-
-
-def _failure(
-    lowered: LoweredSystem, y: Array, p: Array, begin: float, end: float, reason: str
-) -> SolverError:
-    """Say where a stretch breaks down: bisect for the last time that is reached."""
-    names = lowered.equations.states
-    rate = np.asarray(lowered.rate(begin, y, p)).ravel()
-    if not np.all(np.isfinite(rate)):
-        bad = int(np.flatnonzero(~np.isfinite(rate))[0])
-        return SolverError(
-            f"the moment equations are not finite at t = {begin:g} ({_moment(bad, lowered)}); "
-            "check the parameters and the initial state."
-        )
-    size = np.maximum(np.abs(y), 1e-12)
-    reached, far, last = begin, end, y
-    for _ in range(12):
-        middle = (reached + far) / 2
+        inside = grid[(grid > begin) & (grid <= end)]
+        stretch = inside if inside.size and inside[-1] == end else np.append(inside, end)
         try:
-            trial = np.asarray(
-                _integrator(lowered, (middle - reached,), 1e-4)(
-                    x0=ca.DM(last / size), p=ca.vertcat(ca.DM(p), ca.DM(size), reached)
-                )["xf"]
-            ).ravel()
-            good = bool(np.all(np.isfinite(trial)))
-        except RuntimeError:
-            good = False
-        if good:
-            reached, last = middle, trial * size
-        else:
-            far = middle
-    n = lowered.equations.packing.n
-    _, covariance = lowered.equations.packing.unpack(last)
-    worst = int(np.argmax(np.abs(np.diag(covariance))))
-    return SolverError(
-        f"the integration breaks down near t = {reached:.6g}: the variance of `{names[worst]}` is "
-        f"{covariance[worst, worst]:.3g} there and grows (mean {last[:n][worst]:.3g}). {reason.splitlines()[0][:160]}"
-    )
+            values = _advance(engine, begin, y, stretch)
+        except Breakdown as breakdown:
+            if asked is None:
+                raise
+            if breakdown.found is not None:
+                found.extend(breakdown.found[: inside.size])
+            kept = np.array(found).reshape(len(found), len(y))
+            partial = Trajectory(grid[: len(kept)], kept, engine.name, asked)
+            raise explain(lowered, start.p, breakdown, begin, y, partial) from None
+        found.extend(values[: inside.size])
+        y = values[-1]
+    return np.array(found), engine
 
 
-def _moment(index: int, lowered: LoweredSystem) -> str:
-    """What an entry of the packed moments is, in words."""
-    packing, names = lowered.equations.packing, lowered.equations.states
-    if index < packing.n:
-        return f"the mean of `{names[index]}`"
-    if index < packing.moments:
-        rows, columns = packing.triangle
-        k = index - packing.n
-        return f"the covariance of `{names[rows[k]]}` and `{names[columns[k]]}`"
-    return "the ground between the wheels"
+def _advance(engine: Engine, begin: float, y: Array, stretch: Array) -> Array:
+    """One stretch; what CasADi's CVODES gives up, scikit-sundae's goes through, or says how far it came."""
+    try:
+        return engine.advance(begin, y, stretch)
+    except Breakdown:
+        if not isinstance(engine, Direct):
+            raise
+        second = Stepping(engine.lowered, engine.p, engine.tolerance, stiff=True, full_newton=True)
+        return second.advance(begin, y, stretch)

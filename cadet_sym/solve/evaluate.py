@@ -1,0 +1,83 @@
+"""Evaluate compiled functions at the pace of an integrator: through buffers, without copies."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from math import isfinite
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from cadet_sym.lowering.system import LoweredSystem
+
+__all__ = ["Rate", "gains", "over_time"]
+
+Array = npt.NDArray[np.float64]
+
+STALLED = 500
+"""Evaluations at one time after which an integrator stands still."""
+
+HUGE = 1e150
+"""Stands for a rate that is not finite."""
+
+
+class Rate:
+    """dy/dt written into the caller's memory; counts its evaluations."""
+
+    def __init__(self, lowered: LoweredSystem, p: Array) -> None:
+        self.buffer, self.evaluate = lowered.rate.buffer()
+        self.time, self.p = np.zeros(1), np.ascontiguousarray(p, dtype=float)
+        self.buffer.set_arg(0, memoryview(self.time))
+        self.buffer.set_arg(2, memoryview(self.p))
+        self.count, self._last, self._same = 0, -1.0, 0
+
+    @property
+    def stalled(self) -> bool:
+        """Whether time stands still: the steps have shrunk to nothing, as they do where a moment runs away."""
+        return self._same > STALLED
+
+    def __call__(self, t: float, y: Array, slope: Array) -> None:
+        """Write dy/dt at (t, y) into `slope`."""
+        self._same = self._same + 1 if abs(t - self._last) <= 1e-13 * abs(t) else 0
+        if self.stalled:
+            slope.fill(np.nan)
+            return
+        self.time[0] = t
+        self._last = self._last if self._same else t
+        self.buffer.set_arg(1, memoryview(y))
+        self.buffer.set_res(0, memoryview(slope))
+        self.evaluate()
+        self.count += 1
+        if not isfinite(slope.sum()):  # SUNDIALS shortens its step for what is huge, and trips over what is no number
+            slope[~np.isfinite(slope)] = HUGE
+
+
+def gains(lowered: LoweredSystem, t: float, y: Array, p: Array) -> Array:
+    """N (n, n) at packed moments y."""
+    packing = lowered.equations.packing
+    V, dV, s, _ = (float(part) for part in lowered.motion(t, p))
+    s = float(y[packing.moments]) if packing.distance else s
+    return np.asarray(lowered.gain_matrix(y[: packing.moments], np.array([t, s, V, dV]), p))
+
+
+def over_time(function: ca.Function, time: Array, y: Array, p: Array) -> list[Array]:
+    """A function of (t, y, p) at all times: each of its vector results as (k, size)."""
+    k = len(time)
+    if k == 0:
+        return [np.empty((0, function.size1_out(i))) for i in range(function.n_out())]
+    results = [np.empty((k, function.size1_out(i))) for i in range(function.n_out())]
+    inputs = [np.ascontiguousarray(part, dtype=float) for part in (time, y, p)]
+    buffer, evaluate = _mapped(function, k).buffer()
+    for i, part in enumerate(inputs):
+        buffer.set_arg(i, memoryview(part))
+    for i, result in enumerate(results):
+        buffer.set_res(i, memoryview(result))
+    evaluate()
+    return results
+
+
+@lru_cache(maxsize=64)
+def _mapped(function: ca.Function, k: int) -> ca.Function:
+    """The function at k times, with the same parameters at all of them."""
+    return function.map("over_time", "serial", k, [2], [])

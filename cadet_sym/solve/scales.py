@@ -1,0 +1,60 @@
+"""How large every moment becomes in a run: the units in which its errors are measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cadet_sym.moments import Packing
+
+__all__ = ["Tolerance", "fits", "peaks"]
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """What a step may err by: relative (|y| + absolute size)."""
+
+    relative: float
+    absolute: float  # over relative, in units of the sizes
+    size: Array  # (size,) of every packed moment
+    steps: int = 100_000  # between two output times at most: where a moment runs away, steps shrink without end
+
+
+def peaks(y: Array, packing: Packing) -> Array:
+    """Largest size of every moment over a run (k, size): standard deviations, and their products for covariances.
+
+    A mean counts at least as large as its state's standard deviation. What stays at zero gets a size from its fellows.
+    """
+    n = packing.n
+    deviation = np.sqrt(np.abs(y[:, _diagonal(packing)]).max(axis=0))
+    deviation = np.where(deviation > 0, deviation, np.max(deviation, initial=0.0) * 1e-3)
+    deviation = np.where(deviation > 0, deviation, 1.0)
+    mean = np.maximum(np.abs(y[:, :n]).max(axis=0), deviation)
+    alongside = np.abs(y[:, packing.moments :])
+    alongside = np.maximum(alongside.max(axis=0, initial=0.0), 1e-3 * alongside.max(initial=0.0))
+    alongside = np.where(alongside > 0, alongside, 1.0)
+    rows, columns = packing.triangle
+    return np.concatenate([mean, deviation[rows] * deviation[columns], alongside])
+
+
+def fits(size: Array, y: Array, packing: Packing) -> bool:
+    """Whether sizes found beforehand suit what a run (k, size) reaches: no mean or variance a hundred times as large.
+
+    A size that is too large is harmless until it is far too large: errors are held to a share of it.
+    """
+    kept = np.concatenate([np.arange(packing.n), _diagonal(packing)])
+    largest = np.abs(y[:, kept]).max(axis=0)
+    variances = largest[packing.n :]
+    return bool(
+        (largest <= 100 * size[kept]).all() and (size[kept[packing.n :]] <= 1e4 * variances)[variances > 0].all()
+    )
+
+
+def _diagonal(packing: Packing) -> npt.NDArray[np.intp]:
+    """Where the variances stand in the packed moments."""
+    n = packing.n
+    return n + np.arange(n) * n - np.arange(n) * (np.arange(n) - 1) // 2

@@ -1,0 +1,182 @@
+"""Moments over a run: engines agree, breakpoints are met, positive semidefinite throughout, failures say where."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import sympy as sp
+from reference_models import toml
+
+import cadet_sym as cs
+from cadet_sym.errors import ModelError, SolverError
+from cadet_sym.moments import Packing
+from cadet_sym.solve.implicit import Inverse, PackedIndex, scaled_form
+from cadet_sym.solve.lyapunov import modal_form
+
+OLEO = cs.compile("models/oleo_acceleration.toml")
+
+
+def pulses(count: int) -> cs.Model:
+    """An oscillator driven by noise, with a force of 10 ms now and then."""
+    edges = [(sp.Rational(k), sp.Rational(k) + sp.Rational(1, 100)) for k in range(1, count + 1)]
+    force = " + ".join(f"heaviside(t - {a}) - heaviside(t - {b})" for a, b in edges[:3])
+    return toml(
+        f"""
+        name = "pulses"
+        [rates]
+        x = "v"
+        v = "-4*x - 0.4*v + 100*({force}) + w"
+        [noise]
+        w = 1.0
+        [run]
+        duration = {count + 1}
+        """
+    )
+
+
+def relative_error(history: cs.MomentHistory, reference: cs.MomentHistory) -> float:
+    """Largest error of a covariance over the product of the largest standard deviations."""
+    size = np.sqrt(reference.variance.values.max(axis=0))
+    return float((np.abs(history.state_covariance - reference.state_covariance) / np.outer(size, size)).max())
+
+
+@pytest.mark.parametrize("engine", ["direct", "implicit", "krylov", "explicit"])
+def test_every_engine_gives_the_same_moments_and_says_its_name(engine):
+    reference = OLEO.propagate(rtol=1e-10, points=11)
+    history = OLEO.propagate(rtol=1e-7, points=11, engine=engine)
+    assert relative_error(history, reference) < 1e-5
+    assert history.provenance.engine.startswith("CVODE")
+
+
+def test_a_smaller_tolerance_gives_a_smaller_error():
+    reference = OLEO.propagate(rtol=1e-11, points=11)
+    errors = [relative_error(OLEO.propagate(rtol=r, points=11), reference) for r in (1e-4, 1e-6, 1e-8)]
+    assert errors[0] > 10 * errors[1] > 100 * errors[2]
+    assert errors[1] < 1e-5
+
+
+def test_results_do_not_depend_on_what_ran_before():
+    fresh = cs.compile("models/oleo_acceleration.toml").propagate(parameters={"zeta": 0.05})
+    used = cs.compile("models/oleo_acceleration.toml")
+    used.propagate(parameters={"zeta": 0.3})
+    used.propagate(points=7)
+    np.testing.assert_array_equal(used.propagate(parameters={"zeta": 0.05}).state_covariance, fresh.state_covariance)
+
+
+def test_repeated_runs_build_nothing(monkeypatch):
+    import casadi as ca
+
+    compiled = cs.compile("models/oleo_acceleration.toml")
+    first = compiled.propagate(rtol=1e-6)
+    monkeypatch.setattr(ca, "integrator", None)
+    again = compiled.propagate(rtol=1e-6, parameters={"zeta": 0.011})
+    assert not np.array_equal(first.state_covariance, again.state_covariance)
+    np.testing.assert_array_equal(compiled.propagate(rtol=1e-6).state_covariance, first.state_covariance)
+
+
+@pytest.mark.parametrize("times", [[0.0], [3.7], [0.0, 1e-9, 5.0], [1.0, 1.005, 1.01, 2.0], np.geomspace(1e-6, 4, 9)])
+def test_output_times_may_stand_anywhere(times):
+    compiled = cs.compile(pulses(3))
+    everywhere = compiled.propagate(np.unique([0.0, *times, 4.0]), rtol=1e-9)
+    history = compiled.propagate(times, rtol=1e-9)
+    rows = np.searchsorted(everywhere.time, times)
+    np.testing.assert_allclose(history.state_mean, everywhere.state_mean[rows], rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(history.state_covariance, everywhere.state_covariance[rows], rtol=1e-6, atol=1e-12)
+
+
+@pytest.mark.parametrize("engine", ["auto", "implicit", "explicit"])
+def test_a_short_pulse_is_met(engine):
+    model = toml('name = "p"\n[rates]\nv = "-0.1*v + heaviside(t - 50) - heaviside(t - 50.01)"\n[run]\nduration = 60')
+    history = cs.compile(model).propagate([49.0, 50.01, 60.0], engine=engine)
+    exact = 10 * (1 - np.exp(-0.001)) * np.exp(-0.1 * np.array([0.0, 9.99]))
+    np.testing.assert_allclose(history.mean["v"], [0.0, *exact], rtol=1e-6, atol=1e-12)
+
+
+def test_no_duration_gives_the_start():
+    history = OLEO.propagate(duration=0.0, points=1)
+    np.testing.assert_array_equal(history.state_covariance[0], OLEO.propagate([0.0, 1.0]).state_covariance[0])
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6])
+def test_covariances_stay_positive_semidefinite_from_complete_rest(rtol):
+    model = toml(
+        """
+        name = "from rest"
+        [rates]
+        x = "v"
+        v = "-100*(x - y) - 0.1*(v - u)*abs(v - u)"
+        y = "u"
+        u = "100*(x - y) - 1e4*y - 0.2*u**3 + w"
+        [noise]
+        w = 1.0
+        [run]
+        duration = 5.0
+        """
+    )
+    for engine in ("direct", "implicit"):
+        times = np.concatenate([[0.0], np.geomspace(1e-6, 5, 60)])
+        history = cs.compile(model).propagate(times, rtol=rtol, engine=engine)
+        lowest = np.linalg.eigvalsh(history.state_covariance)[:, 0]
+        trace = np.trace(history.state_covariance, axis1=1, axis2=2)
+        assert np.all(lowest >= -1e-9 * trace)
+
+
+def test_an_unstable_model_says_when_where_and_why_and_keeps_what_was_reached():
+    model = toml('name = "u"\n[rates]\nx = "x + x**3 + w"\ny = "-y + w"\n[noise]\nw = 1.0\n[run]\nduration = 50.0')
+    with pytest.raises(SolverError, match=r"variance of `x`.*eigenvalue") as caught:
+        cs.compile(model).propagate(points=1001)
+    error = caught.value
+    assert 0.1 < error.time < 2.0
+    assert error.state == "x"
+    assert error.eigenvalues[0].real > 1
+    assert isinstance(error.partial, cs.MomentHistory)
+    assert len(error.partial.time) > 2
+    assert error.partial.time[-1] <= error.time
+    np.testing.assert_allclose(error.partial.variance["y"], (1 - np.exp(-2 * error.partial.time)) / 2, rtol=1e-5)
+
+
+def test_a_rate_that_does_not_exist_is_named():
+    model = toml('name = "n"\n[rates]\nx = "-x"\ny = "-y + sqrt(1 - t)"\n[run]\nduration = 3.0')
+    with pytest.raises(SolverError, match="mean of `y`") as caught:
+        cs.compile(model).propagate(points=31)
+    assert caught.value.time == pytest.approx(1.0, abs=0.05)
+    assert caught.value.partial.time[-1] == pytest.approx(1.0, abs=0.11)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"rtol": 0.0}, "rtol"),
+        ({"rtol": float("nan")}, "rtol"),
+        ({"times": [0.0, 2.0, 1.0]}, "1 follows 2"),
+        ({"times": [-1.0, 2.0]}, "begins at 0"),
+        ({"times": []}, "non-empty"),
+        ({"times": [0.0, float("inf")]}, "finite"),
+        ({"engine": "magic"}, "auto, direct"),
+    ],
+)
+def test_wrong_arguments_are_named(arguments, message):
+    with pytest.raises(ModelError, match=message):
+        OLEO.propagate(**arguments)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("n", [1, 4, 7])
+def test_the_implicit_inverse_solves_its_own_equation(n, seed):
+    rng = np.random.default_rng(seed)
+    packing, scale, g = Packing(n, distance=True, ground=2 * n), rng.uniform(0.1, 10, n), 0.3
+    N = rng.standard_normal((n, n)) - 2 * np.eye(n)
+    form = scaled_form(N, scale)
+    y = rng.standard_normal(packing.size)
+    mean, P = packing.unpack(y)
+    r = np.concatenate([packing.pack(mean - g * N @ mean, P - g * (N @ P + P @ N.T)), y[packing.moments :]])
+    r[-2 * n :] = (y[-2 * n :].reshape(2, n) @ (np.eye(n) - g * N).T).ravel()
+    z = np.empty_like(r)
+    Inverse.build(PackedIndex(packing), scale, form, g).apply(r, z)
+    np.testing.assert_allclose(z, y, rtol=1e-3, atol=1e-4 * np.abs(y).max() * scale.max() ** 2)
+
+
+def test_a_matrix_without_eigenvectors_has_a_neighbour_with():
+    N = np.diag(np.ones(3), 1)
+    assert (form := modal_form(N)) is None or form.condition > 1e7
+    assert scaled_form(N, np.ones(4)).condition < 1e6
