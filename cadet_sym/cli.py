@@ -204,12 +204,12 @@ def export(
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Write to a folder that holds other files, too.")] = False,
     fmu: Annotated[bool, typer.Option("--fmu", help="Add a functional mock-up unit (FMI 3.0).")] = False,
-    matlab: Annotated[bool, typer.Option("--matlab", help="Add the equations as a MATLAB class.")] = False,
+    matlab: Annotated[bool, typer.Option("--matlab", help="Add the equations as a MATLAB function.")] = False,
 ) -> None:
     """Write the compiled equations as a C library."""
     with _computing():
         compiled = cs.compile(_load(model, settings))
-        written = compiled.export_c(to, prefix=prefix or model.stem, force=force)
+        written = compiled.export_c(to, prefix=prefix or model.stem, force=force, fmu=fmu, matlab=matlab)
     print(written)
 
 

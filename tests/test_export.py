@@ -308,3 +308,20 @@ def test_long_functions_are_cut_into_blocks(tmp_path):
     values, found = np.linspace(-1, 1, 40), np.zeros(40)
     ctypes.CDLL(str(tmp_path / "f.so")).long_one(_pointer(values), _pointer(found))
     np.testing.assert_allclose(found, np.asarray(function(values)).ravel(), rtol=1e-15)
+
+
+def test_matlab_reads_the_same(shipped, tmp_path):
+    octave = compiler("octave-cli")
+    compiled = shipped(FIRST)
+    folder = compiled.export_c(tmp_path / "m", prefix="oleo", matlab=True)
+    (t, y) = list(samples(compiled))[3]
+    p = compiled.parameter_vector()
+    column = "[" + ";".join(repr(float(v)) for v in y) + "]"
+    script = f"m = oleo(); y = {column}; "
+    script += f"printf('%.17g\\n', m.rate({t!r}, y, m.p), full(m.jacobian({t!r}, y, m.p)), m.outputs({t!r}, y, m.p));"
+    run = subprocess.run([octave, "--quiet", "--eval", script], cwd=folder, capture_output=True, text=True, timeout=60)
+    assert run.returncode == 0, run.stderr
+    functions = compiled.functions
+    parts = [functions.rate(t, y, p), ca.densify(functions.jacobian(t, y, p)), *functions.outputs(t, y, p)]
+    expected = np.concatenate([np.asarray(part).ravel(order="F") for part in parts])
+    np.testing.assert_allclose(np.array(run.stdout.split(), dtype=float), expected, rtol=1e-12, atol=1e-12)

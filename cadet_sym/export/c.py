@@ -20,7 +20,9 @@ import numpy.typing as npt
 
 from cadet_sym.errors import SolverError
 from cadet_sym.export.description import equations_text
+from cadet_sym.export.fmu import check_fmu_tools, fmu_bytes
 from cadet_sym.export.folder import check_folder, write_folder
+from cadet_sym.export.matlab import matlab_text
 from cadet_sym.export.names import c_comment, c_string, identifiers, prefix_of
 from cadet_sym.export.program import Program, constant, translate
 from cadet_sym.lowering.portable import PortableFunctions, portable
@@ -31,6 +33,8 @@ from cadet_sym.solve.transient import integrate
 __all__ = ["Library", "Run", "export_c", "library"]
 
 Array = npt.NDArray[np.float64]
+
+CASADI_VERSION: str = ca.CasadiMeta.version()
 
 SCALARS = ("t", "s", "V")
 
@@ -57,7 +61,14 @@ class Run:
 
 
 def export_c(
-    lowered: LoweredSystem, run: Run, path: str | Path, *, prefix: str | None = None, force: bool = False
+    lowered: LoweredSystem,
+    run: Run,
+    path: str | Path,
+    *,
+    prefix: str | None = None,
+    force: bool = False,
+    fmu: bool = False,
+    matlab: bool = False,
 ) -> Path:
     """Write the library to a folder, whole or not at all.
 
@@ -68,6 +79,8 @@ def export_c(
     path : folder to write to; made if it is missing.
     prefix : what all public names begin with; by default the model's name.
     force : write to a folder that holds other files, too.
+    fmu : add a functional mock-up unit, FMI 3.0 model exchange.
+    matlab : add the equations as a MATLAB (or GNU Octave) function.
 
     Raises
     ------
@@ -75,8 +88,15 @@ def export_c(
         If an operation has no C, the folder is not ours, or it cannot be written to; nothing is written then.
     """
     check_folder(path, force=force)
+    if fmu:
+        check_fmu_tools()
     written = library(lowered, run, prefix)
-    return write_folder(path, written.files(), written.about, force=force)
+    files: dict[str, str | bytes] = {**written.files()}
+    if matlab:
+        files[f"{written.prefix}.m"] = matlab_text(lowered, written.functions, run.p, run.start, written.prefix)
+    if fmu:
+        files[f"{written.prefix}.fmu"] = fmu_bytes(lowered, run.p, run.start, run.duration, written.prefix)
+    return write_folder(path, files, written.about, force=force)
 
 
 def library(lowered: LoweredSystem, run: Run, prefix: str | None = None) -> Library:
@@ -112,7 +132,7 @@ class Library:
             "model": self.model_name,
             "prefix": self.prefix,
             "cadet-sym": version("cadet-sym"),
-            "casadi": ca.__version__,
+            "casadi": CASADI_VERSION,
         }
 
     @property
@@ -173,7 +193,7 @@ class Library:
         return {
             "title": c_comment(self.model_name or self.prefix),
             "version": version("cadet-sym"),
-            "casadi": ca.__version__,
+            "casadi": CASADI_VERSION,
             "states": packing.n,
             "parameters": len(self.lowered.parameters),
             "outputs": len(self.outputs),
@@ -285,7 +305,7 @@ class Library:
                 "equations": equations,
                 "costs": costs,
                 "version": version("cadet-sym"),
-                "casadi": ca.__version__,
+                "casadi": CASADI_VERSION,
                 "size": packing.size,
                 "states": packing.n,
                 "step_operations": 4 * self.programs["rate"].operations + 13 * packing.size + 4,

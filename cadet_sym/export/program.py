@@ -17,7 +17,7 @@ import casadi as ca
 
 from cadet_sym.errors import ExportError
 
-__all__ = ["Program", "translate"]
+__all__ = ["Program", "Step", "constant", "operations", "translate"]
 
 BLOCK = 1500
 """Operations of one C function; compile time grows faster than its length."""
@@ -82,7 +82,7 @@ class Program:
 
 
 @dataclass(frozen=True)
-class _Step:
+class Step:
     """One operation, or one result written: everything it refers to by its text or the step that made it."""
 
     kind: str  # of OPERATIONS, or the text of a result's place
@@ -103,7 +103,7 @@ def translate(function: ca.Function, name: str, scalars: Sequence[str] = ()) -> 
     ExportError
         If an operation has no C.
     """
-    steps = _steps(function, scalars)
+    steps = operations(function, scalars)
     used = _last_uses(steps)
     blocks = [range(k, min(k + BLOCK, len(steps))) for k in range(0, len(steps), BLOCK)] or [range(0)]
     slots, scratch = _slots(steps, used, blocks)
@@ -137,13 +137,13 @@ def _operation_names() -> dict[int, str]:
     return {getattr(ca, name): name[3:] for name in dir(ca) if name.startswith("OP_")}
 
 
-def _steps(function: ca.Function, scalars: Sequence[str]) -> list[_Step]:
+def operations(function: ca.Function, scalars: Sequence[str]) -> list[Step]:
     """The operations in the order of evaluation, work registers resolved to the step that filled them."""
     if not function.is_a("SXFunction"):
         raise ExportError(f"`{function.name()}` is not made of scalar operations and cannot be written as C")
     names, inputs, outputs = _operation_names(), function.name_in(), function.name_out()
     register: dict[int, str | int] = {}
-    steps: list[_Step] = []
+    steps: list[Step] = []
     for k in range(function.n_instructions()):
         kind = names[function.instruction_id(k)]
         into = function.instruction_output(k)
@@ -154,11 +154,11 @@ def _steps(function: ca.Function, scalars: Sequence[str]) -> list[_Step]:
             register[into[0]] = inputs[which] if inputs[which] in scalars else f"{inputs[which]}[{entry}]"
         elif kind == "OUTPUT":
             source = register[function.instruction_input(k)[0]]
-            steps.append(_Step(f"{outputs[into[0]]}[{into[1]}]", (source,)))
+            steps.append(Step(f"{outputs[into[0]]}[{into[1]}]", (source,)))
         elif kind in OPERATIONS:
             operands = tuple(register[i] for i in function.instruction_input(k))
             register[into[0]] = len(steps)
-            steps.append(_Step(kind, operands))
+            steps.append(Step(kind, operands))
         else:
             raise ExportError(
                 f"the operation `{kind.lower()}` in `{function.name()}` has no counterpart in C; "
@@ -176,7 +176,7 @@ def constant(value: float) -> str:
     return f"{'TINY' if 0 < abs(value) < 1e-30 else 'K'}({value!r})"
 
 
-def _last_uses(steps: Sequence[_Step]) -> dict[int, int]:
+def _last_uses(steps: Sequence[Step]) -> dict[int, int]:
     used: dict[int, int] = {}
     for k, step in enumerate(steps):
         for operand in step.operands:
@@ -185,7 +185,7 @@ def _last_uses(steps: Sequence[_Step]) -> dict[int, int]:
     return used
 
 
-def _slots(steps: Sequence[_Step], used: Mapping[int, int], blocks: Sequence[range]) -> tuple[dict[int, int], int]:
+def _slots(steps: Sequence[Step], used: Mapping[int, int], blocks: Sequence[range]) -> tuple[dict[int, int], int]:
     """A place in the scratch array for every value that a later block needs; places are used again."""
     slots: dict[int, int] = {}
     free: list[int] = []
@@ -203,7 +203,7 @@ def _slots(steps: Sequence[_Step], used: Mapping[int, int], blocks: Sequence[ran
     return slots, count
 
 
-def _body(steps: Sequence[_Step], block: range, blocks: Sequence[range], slots: Mapping[int, int]) -> list[str]:
+def _body(steps: Sequence[Step], block: range, blocks: Sequence[range], slots: Mapping[int, int]) -> list[str]:
     """The lines of one block."""
 
     def place(operand: str | int) -> str:
@@ -224,7 +224,7 @@ def _body(steps: Sequence[_Step], block: range, blocks: Sequence[range], slots: 
     return lines
 
 
-def _unused(names: Sequence[str], steps: Sequence[_Step]) -> list[str]:
+def _unused(names: Sequence[str], steps: Sequence[Step]) -> list[str]:
     """Arguments that no step refers to."""
     seen = {operand.partition("[")[0] for step in steps for operand in step.operands if isinstance(operand, str)}
     seen |= {step.kind.partition("[")[0] for step in steps if step.kind not in OPERATIONS}
