@@ -195,9 +195,9 @@ class CompiledModel:
             )
         except SolverError as error:
             if isinstance(partial := error.details.get("partial"), Trajectory):
-                error.partial = error.details["partial"] = self._history(partial, start.p)  # type: ignore[attr-defined]
+                error.partial = error.details["partial"] = self._history(partial, start.p, {})  # type: ignore[attr-defined]
             raise
-        return self._history(trajectory, start.p)
+        return self._history(trajectory, start.p, self._wheel_error(trajectory, start.p))
 
     def _start(self, p: Array, duration: float) -> Start:
         """Moments at the start and known breakpoints, remembered for the parameters last used."""
