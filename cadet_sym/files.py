@@ -103,5 +103,7 @@ def _save_mat(path: Path, dataset: xr.Dataset) -> None:
     from scipy.io import savemat
 
     arrays = {str(name): variable.values for name, variable in dataset.variables.items()}
+    # MATLAB has no arrays of strings of several lengths, but cell arrays.
+    arrays = {name: a.astype(object) if a.dtype.kind in "UT" else a for name, a in arrays.items()}
     attributes = {str(name).replace(" ", "_"): value for name, value in dataset.attrs.items()}
     savemat(path, {**arrays, "attributes": attributes}, do_compression=True, long_field_names=True)

@@ -383,7 +383,7 @@ def _stationary_columns(solutions: Sequence[StationaryMoments]) -> dict[str, np.
 
 
 def _coordinates(states: Sequence[str], outputs: Sequence[str]) -> dict[str, Any]:
-    names = np.array(states, dtype=object), np.array(outputs, dtype=object)
+    names = np.array(states, dtype=str), np.array(outputs, dtype=str)
     return {"state": names[0], "state_2": names[0], "output": names[1]}
 
 
