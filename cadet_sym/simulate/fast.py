@@ -20,7 +20,7 @@ from numba import types
 from numba.core import config
 
 from cadet_sym.simulate.curves import PIECE
-from cadet_sym.simulate.program import LANES
+from cadet_sym.simulate.step import LANES
 from cadet_sym.simulate.streams import BASE, GOLDEN, HEIGHT, MIX, TAIL, WIDTH, Streams, start_values
 from cadet_sym.simulate.tables import GroundTables, OutputTables, StartTables, StepTables
 

@@ -19,7 +19,7 @@ import sympy as sp
 from cadet_sym.augment import AugmentedSystem, FilterCopy
 from cadet_sym.language.expression import DISTANCE, SPEED, ElementCall, der
 
-__all__ = ["Kick", "separate_kicks"]
+__all__ = ["Kick", "Separated", "separate_kicks"]
 
 
 @dataclass(frozen=True)
@@ -31,17 +31,20 @@ class Kick:
     kappa: sp.Expr  # in time, distance, speed and parameters
 
 
-def separate_kicks(system: AugmentedSystem) -> tuple[tuple[sp.Expr, ...], tuple[sp.Expr, ...], tuple[Kick, ...]]:
-    """Split the vehicle's drift and noise into a drift without derivatives of the ground, and kicks.
+@dataclass(frozen=True)
+class Separated:
+    """The vehicle's drift and noise as a drift without derivatives of the ground, and kicks."""
 
-    Returns
-    -------
-    drift : (nv,) with kappa V ((rho' + rho C) xi + rho o) taken out.
-    heights : all y that kick, in the filter states.
-    kicks : which rate is kicked by which height.
-    """
+    drift: tuple[sp.Expr, ...]  # (nv,)
+    taken: tuple[sp.Expr, ...]  # (nv,) kappa V ((rho' + rho C) xi + rho o), which was taken out of it
+    heights: tuple[sp.Expr, ...]  # all y that kick, in the filter states
+    kicks: tuple[Kick, ...]
+
+
+def separate_kicks(system: AugmentedSystem) -> Separated:
+    """Take the derivatives of the ground out of the vehicle's drift."""
     nv = system.vehicle_size
-    drift, heights, kicks = list(system.drift[:nv]), [], []
+    drift, taken, heights, kicks = list(system.drift[:nv]), [sp.S.Zero] * nv, [], []
     for copy in system.copies:
         xi = sp.Matrix(system.states[copy.states])
         for order, rho in _smooth_derivatives(copy):
@@ -51,9 +54,10 @@ def separate_kicks(system: AugmentedSystem) -> tuple[tuple[sp.Expr, ...], tuple[
             for i, factor in factors.items():
                 kappa = factor * SPEED ** (order - 1)
                 drift[i] = _less(drift[i], kappa * SPEED * along, tuple(xi))
+                taken[i] += kappa * SPEED * along
                 kicks.append(Kick(i, len(heights), kappa))
             heights += [_at_wheel((rho * xi)[0], copy)] if factors else []
-    return tuple(drift), tuple(heights), tuple(kicks)
+    return Separated(tuple(drift), tuple(taken), tuple(heights), tuple(kicks))
 
 
 def _smooth_derivatives(copy: FilterCopy) -> list[tuple[int, sp.Matrix]]:

@@ -169,10 +169,13 @@ class Problem:
         run = self._run_values(np.zeros(1))
         known = {**self.values, **{symbol: float(value[0]) for symbol, value in run.items()}}
         spread = numeric(list(system.initial_covariance), known, self.elements).reshape(1, nv, nv)
+        linear = numeric(list(system.initial_map), known, self.elements).reshape(nv, -1)
+        rows = np.array(self.program.starts, dtype=np.int64)
         return StartTables(
             offset=numeric(list(system.initial_offset), known, self.elements),
-            map=numeric(list(system.initial_map), known, self.elements).reshape(nv, -1),
+            map=np.where(rows[:, None] >= 0, linear[rows], 0.0),
             root=_factor(spread, "[initial.covariance]")[0],
+            rows=rows,
             ground=ground,
         )
 
@@ -181,7 +184,7 @@ class Problem:
         run = self._run_values(grid.time[grid.output])
         return OutputTables(
             node=grid.output.astype(np.int64),
-            rows=len(self.names),
+            rows=len(self.names) + len(program.starts) - self.system.vehicle_size,
             C=np.ascontiguousarray(self._at(program.record_coefficients, run)),
             q=numeric(program.record_constants, self.values, self.elements),
             T=program.record_table,

@@ -87,9 +87,10 @@ def start_values(start: StartTables, streams: list[Streams]) -> tuple[np.ndarray
 
     Returns
     -------
-    (nv, paths), and (filter states of all tracks, paths).
+    (rows, paths), and (filter states of all tracks, paths).
     """
-    delta = start.offset[:, None] + start.root @ streams[0].normals(len(start.offset))
+    vehicle = start.offset[:, None] + start.root @ streams[0].normals(len(start.offset))
+    delta = np.where(start.rows[:, None] >= 0, vehicle[start.rows], 0.0)
     behind = [root @ stream.normals(len(root)) for root, stream in zip(start.ground, streams[2:], strict=True)]
     return delta, np.concatenate([delta[:0], *behind])
 

@@ -38,8 +38,9 @@ class StartTables(NamedTuple):
     """Vehicle at the start, x = offset + map @ (filter states) + root @ z, and the ground where the chains begin."""
 
     offset: np.ndarray  # (nv,)
-    map: np.ndarray  # (nv, nf)
+    map: np.ndarray  # (rows, nf)
     root: np.ndarray  # (nv, nv)
+    rows: np.ndarray  # (rows,) int: for every row of a path the vehicle state that it starts from, or -1 for zero
     ground: tuple[np.ndarray, ...]  # a track each: factor (r, r) of the covariance
 
 
@@ -58,7 +59,7 @@ class OutputTables(NamedTuple):
     """When and how paths are recorded."""
 
     node: np.ndarray  # (times,) int: time node of each output
-    rows: int  # vehicle states, filter states, outputs
+    rows: int  # vehicle states, filter states, outputs, riders
     C: np.ndarray  # (times, coefficients)
     q: np.ndarray
     T: np.ndarray
