@@ -154,7 +154,7 @@ class CompiledModel:
 
     def propagate(
         self,
-        times: Sequence[float] | None = None,
+        times: npt.ArrayLike | None = None,
         *,
         duration: float | None = None,
         points: int | None = None,
@@ -224,10 +224,34 @@ class CompiledModel:
         return freeze(self.functions, conditions(self.functions, self.parameter_vector(parameters), speed, at))
 
     @overload
-    def stationary(self, *, all: Literal[True], **held: Any) -> StationarySolutions: ...
+    def stationary(
+        self,
+        *,
+        speed: float | None = None,
+        at: float | None = None,
+        all: Literal[True],
+        parameters: Mapping[str, float] | None = None,
+    ) -> StationarySolutions: ...
 
     @overload
-    def stationary(self, *, all: Literal[False] = False, **held: Any) -> StationaryMoments: ...
+    def stationary(
+        self,
+        *,
+        speed: float | None = None,
+        at: float | None = None,
+        all: Literal[False] = False,
+        parameters: Mapping[str, float] | None = None,
+    ) -> StationaryMoments: ...
+
+    @overload
+    def stationary(
+        self,
+        *,
+        speed: float | None = None,
+        at: float | None = None,
+        all: bool,
+        parameters: Mapping[str, float] | None = None,
+    ) -> StationaryMoments | StationarySolutions: ...
 
     def stationary(
         self,

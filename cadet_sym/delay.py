@@ -134,7 +134,7 @@ def _differentiation(points: Array) -> Array:
     return matrix
 
 
-def radau_stability(z: npt.NDArray[np.complex128], nodes: int) -> npt.NDArray[np.complex128]:
+def radau_stability(z: npt.NDArray[np.complexfloating], nodes: int) -> npt.NDArray[np.complexfloating]:
     """R(z), the [M-1/M] Pade approximant of exp(z): what one element does to G at constant speed."""
     _, D = radau(nodes)
     # D_1..M g + D_0 = z g at the nodes for inflow one; the outflow is the last node.
@@ -142,7 +142,7 @@ def radau_stability(z: npt.NDArray[np.complex128], nodes: int) -> npt.NDArray[np
     return np.linalg.solve(operators, np.broadcast_to(-D[:, :1], (*np.shape(z), nodes, 1)))[..., -1, 0]
 
 
-def grid_error(exponents: npt.NDArray[np.complex128], elements: int, nodes: int) -> float:
+def grid_error(exponents: npt.NDArray[np.complexfloating], elements: int, nodes: int) -> float:
     """Largest error of what a gap does to G at constant speed, max |R(z/elements)^elements - exp(z)|.
 
     z = l L/V for the eigenvalues l of N, the gaps L and the speeds V. Conservative for the covariances, by a factor
@@ -155,7 +155,7 @@ def grid_error(exponents: npt.NDArray[np.complex128], elements: int, nodes: int)
 
 
 def choose_grid(
-    exponents: npt.NDArray[np.complex128], tolerance: float, *, rests: bool
+    exponents: npt.NDArray[np.complexfloating], tolerance: float, *, rests: bool
 ) -> tuple[tuple[int, int], float]:
     """The cheapest grid of `CHOICES` whose error is below the tolerance, or the finest; and its error."""
     decaying = exponents[exponents.real <= 0]

@@ -28,7 +28,7 @@ STANDING = 1e-9
 
 
 def initial_moments(lowered: LoweredSystem, linear_solver: str = "qr") -> ca.Function:
-    """P -> y(0), packed; the caller has made sure that the filter has a stationary covariance.
+    """p -> y(0), packed; the caller has made sure that the filter has a stationary covariance.
 
     Differentiable in p: the Lyapunov equation and the matrix exponential are written as linear solves. With
     "symbolicqr" for `linear_solver` the function can be expanded into scalar operations.
@@ -54,7 +54,7 @@ def initial_moments(lowered: LoweredSystem, linear_solver: str = "qr") -> ca.Fun
 
 
 def filter_matrices(lowered: LoweredSystem, copy: FilterCopy) -> ca.Function:
-    """P -> C, D Q D^T, D of one filter copy where it stands at the start."""
+    """p -> C, D Q D^T, D of one filter copy where it stands at the start."""
     p, env = _start_environment(lowered)
     here = {DISTANCE: env[DISTANCE] - to_casadi(copy.setback, env)}
     C, D, Q = (_dense(m, {**env, **here}) for m in (copy.filter.C, copy.filter.D, copy.filter.Q))
@@ -73,7 +73,8 @@ class _GroundStart:
 
     def filter(self, copy: FilterCopy) -> tuple[ca.MX, ca.MX, ca.MX]:
         """C, D Q D^T and D of a copy."""
-        return filter_matrices(self.lowered, copy)(self.p)
+        C, forcing, D = filter_matrices(self.lowered, copy)(self.p)
+        return C, forcing, D
 
     def stationary(self, copy: FilterCopy) -> ca.MX:
         """Stationary covariance of a copy."""
@@ -182,7 +183,7 @@ def _start_environment(lowered: LoweredSystem) -> tuple[ca.SX, dict[sp.Symbol, c
 
 
 def vehicle_start(lowered: LoweredSystem) -> ca.Function:
-    """P -> offset (nv), map (nv, nf), covariance (nv, nv) of the vehicle's initial state."""
+    """p -> offset (nv), map (nv, nf), covariance (nv, nv) of the vehicle's initial state."""
     p, env = _start_environment(lowered)
     system = lowered.equations.quasi_linear.system
     parts = [

@@ -278,7 +278,8 @@ def _describe(element: Nonlinearity, m: ca.SX, S: ca.SX, env: _Environment) -> t
     """E[f] and its equivalent gains."""
     free = _free_symbols(element)
     q = ca.vertcat(*(env[name] for name in free)) if free else ca.SX(0, 1)
-    return element_function(element.describing, free)(m, S, q)
+    F, gain = element_function(element.describing, free)(m, S, q)
+    return F, gain
 
 
 def _free_symbols(element: Nonlinearity) -> tuple[sp.Symbol, ...]:

@@ -66,7 +66,8 @@ def _distance(lowered: LoweredSystem, p: Array, grid: Array) -> Callable[[Array]
 
     def motion(t: Array) -> tuple[Array, Array, Array]:
         V, _, s, start = lowered.motion.map(t.size)(t.ravel()[None, :], np.tile(p[:, None], t.size))
-        return tuple(np.asarray(part).reshape(t.shape) for part in (V, s, start))
+        V, s, start = (np.asarray(part, dtype=float).reshape(t.shape) for part in (V, s, start))
+        return V, s, start
 
     if lowered.equations.quasi_linear.system.distance is not None:
         return lambda t: motion(t)[1]

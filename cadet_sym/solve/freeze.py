@@ -120,9 +120,9 @@ class _Elements:
         ]
         self.results = [np.zeros(function.nnz_out(k)) for k in range(4)]
         for k, value in enumerate(self.inputs):
-            self.buffer.set_arg(k, memoryview(value))
+            self.buffer.set_arg(k, memoryview(value))  # type: ignore[reportCallIssue]: `size` is not asked for
         for k, value in enumerate(self.results):
-            self.buffer.set_res(k, memoryview(value))
+            self.buffer.set_res(k, memoryview(value.data))  # type: ignore[reportCallIssue]
         self.slopes = [_placement(function.sparsity_out(k)) for k in (2, 3)]
         self.shapes = [function.size_out(k) for k in (2, 3)]
 

@@ -48,10 +48,10 @@ def _response(lowered: LoweredSystem, copy: FilterCopy, p: Array) -> Array:
         return np.zeros(len(C))
     matrices, here = _along(lowered, copy, p)
     behind = here - DECAY / slowest
-    ground = lowered.equations.quasi_linear.system.model.ground
-    values = lowered.equations.quasi_linear.system.model.parameter_values()
-    assert ground is not None
-    edges = [float(place.subs(values)) for place in ground.breakpoints]
+    model = lowered.equations.quasi_linear.system.model
+    assert model.ground is not None
+    env = lowered.environment(ca.SX(4, 1), ca.SX(ca.DM(p)))
+    edges = [float(ca.evalf(ca.SX(to_casadi(place, env)))) for place in model.ground.breakpoints]
     stops = [behind, *sorted(e for e in edges if behind < e < here), here]
     inside = np.concatenate([np.linspace(a, b, 42)[1:-1] for a, b in pairwise(stops)])
     offsets = np.asarray(matrices.map(len(inside))(inside[None, :])[1])
@@ -60,7 +60,7 @@ def _response(lowered: LoweredSystem, copy: FilterCopy, p: Array) -> Array:
     return _integrated(matrices, stops)
 
 
-def _integrated(matrices: ca.Function, stops: list[float]) -> Array:
+def _integrated(matrices: ca.Function, stops: list[float]) -> npt.NDArray[np.floating]:
     from scipy.integrate import solve_ivp
 
     def rate(s: float, xi: Array) -> Array:
@@ -68,16 +68,16 @@ def _integrated(matrices: ca.Function, stops: list[float]) -> Array:
         return np.asarray(C) @ xi + np.asarray(offset).ravel()
 
     C, offset = (np.asarray(part) for part in matrices(stops[0]))
-    xi = np.linalg.solve(C, -offset.ravel())
+    xi: Array = np.asarray(np.linalg.solve(C, -offset.ravel()), dtype=float)
     for begin, end in pairwise(stops):
         inset = 1e-12 * (end - begin)  # on the stretch's own side of its edges
         found = solve_ivp(rate, (begin + inset, end - inset), xi, method="DOP853", rtol=1e-11, atol=1e-14)
-        xi = found.y[:, -1]
+        xi = np.asarray(found.y[:, -1], dtype=float)
     return xi
 
 
 def _along(lowered: LoweredSystem, copy: FilterCopy, p: Array) -> tuple[ca.Function, float]:
-    """s -> C(s), offset(s) of a filter, and the place of its wheel at the start."""
+    """Give s -> C(s), offset(s) of a filter, and the place of its wheel at the start."""
     s = ca.SX.sym("s")
     start = float(lowered.motion(0, p)[3])
     env = lowered.environment(ca.vertcat(0, s, 0, 0), ca.SX(ca.DM(p)))

@@ -37,7 +37,7 @@ def present_error(lowered: LoweredSystem, p: Array, moments: Array, duration: fl
 
 def _exponents(
     lowered: LoweredSystem, p: Array, moments: Array, duration: float
-) -> tuple[npt.NDArray[np.complex128], bool]:
+) -> tuple[npt.NDArray[np.complexfloating], bool]:
     """L l/V of all gaps L, speeds V of the run and eigenvalues l of N; and whether the vehicle stands somewhere."""
     delay = lowered.equations.delay
     assert delay is not None
