@@ -40,7 +40,7 @@ def profile_mean(lowered: LoweredSystem, p: Array) -> Array:
     return mean
 
 
-def _response(lowered: LoweredSystem, copy: FilterCopy, p: Array) -> Array:
+def _response(lowered: LoweredSystem, copy: FilterCopy, p: Array) -> npt.NDArray[np.floating]:
     """State of one filter where its wheel stands at the start, from all the profile behind it."""
     C = np.asarray(filter_matrices(lowered, copy)(p)[0])
     slowest = float(-np.linalg.eigvals(C).real.max())
