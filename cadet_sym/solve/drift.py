@@ -1,9 +1,9 @@
 """What of a system has stationary moments at all: take out what is conserved and what drifts, and scale the rest.
 
-A *conserved* form y^T x has y^T f = 0 and feels no noise: it stays what it was at the start. A *drifting* direction is
-one along which nothing pulls back and that no element sees: C v = 0, and A v = 0 (or the chain A^k v = 0, or an undamped
-oscillation). Its state wanders without bound, but what does not contain it may be stationary: the closures and the
-accelerations of a vehicle on a road that is integrated white noise, whose heave has no variance.
+A *conserved* form y^T x has y^T f = 0 and feels no noise: it stays what it was at the start. A *drifting* direction
+is one along which nothing pulls back and that no element sees: C v = 0, and A v = 0 (or the chain A^k v = 0, or an
+undamped oscillation). Its state wanders without bound, but what does not contain it may be stationary: the closures
+and the accelerations of a vehicle on a road that is integrated white noise, whose heave has no variance.
 
 With D the drifting subspace (A-invariant, unseen), x modulo D obeys a closed system of its own: that is what is solved.
 """

@@ -28,7 +28,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class SmallSystem:
-    """The dense equations of a change dtheta in what the elements see: matrix dtheta = what it would be without them."""
+    """The equations of a change dtheta in what the elements see: matrix dtheta = what it would be without them."""
 
     matrix: Array  # (T, T)
     response: Array  # (T - K, K): how the arguments' covariances answer the gains

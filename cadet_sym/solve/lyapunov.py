@@ -102,12 +102,16 @@ class ModalForm:
     def _split(self, x: Array) -> Array:
         """S^-1 x: rows of the real basis to rows of the complex one."""
         y = x.astype(complex)
+        if not len(self.first):
+            return y
         first, second = x[self.first], x[self.first + 1]
         y[self.first], y[self.first + 1] = 0.5 * (first - 1j * second), 0.5 * (first + 1j * second)
         return y
 
     def _join(self, y: Array) -> Array:
         """S y, real if the rows come in conjugate pairs."""
+        if not len(self.first):
+            return y
         x = y.copy()
         first, second = y[self.first], y[self.first + 1]
         x[self.first], x[self.first + 1] = first + second, 1j * (first - second)

@@ -34,6 +34,7 @@ class Attempt:
     converged: bool
     iterations: int
     best: Evaluation  # the point with the smallest residual; the solution if converged
+    last: Evaluation  # the point reached
     step: float = np.inf  # relative size of the last Newton step
     reason: str = ""  # why it stopped, if it did not converge
 
@@ -47,21 +48,21 @@ def newton(problem: FrozenProblem, start: tuple[Array, Array], limit: int = 30, 
     at = best = evaluate(problem, *start)
     for iteration in range(1, limit + 1):
         if not at.finite:
-            return Attempt(name, False, iteration - 1, best, reason="not finite")
+            return Attempt(name, False, iteration - 1, best, at, reason="not finite")
         try:
             lin = LinearisedMoments(at)
             found, size = _damped_step(lin)
             if found is not None and size < CHORD:
                 found, size = _chord_steps(lin, found, size)
         except SolverError as error:
-            return Attempt(name, False, iteration, best, reason=str(error))
+            return Attempt(name, False, iteration, best, at, reason=str(error))
         if found is None:
-            return Attempt(name, False, iteration, best, reason="no step reduces the residual")
+            return Attempt(name, False, iteration, best, at, reason="no step reduces the residual")
         at = found
         best = min(best, at, key=_residual)
         if at.residual < RESIDUAL and size < STEP:
-            return Attempt(name, True, iteration, at, size)
-    return Attempt(name, False, limit, best, reason="no convergence")
+            return Attempt(name, True, iteration, at, at, size)
+    return Attempt(name, False, limit, best, at, reason="no convergence")
 
 
 def _chord_steps(lin: LinearisedMoments, at: Evaluation, size: float) -> tuple[Evaluation, float]:
@@ -119,16 +120,18 @@ def follow(
     """
     at = best = evaluate(problem, *start)
     if not at.finite:
-        return Attempt(name, False, 0, best, reason="not finite")
+        return Attempt(name, False, 0, best, at, reason="not finite")
     lin, polished_at = LinearisedMoments(at), np.inf
     fastest = np.abs(lin.form.eigenvalues).max() + 1e-300
     h = 1.0 / fastest
     for iteration in range(1, limit + 1):
         trial, difference = _implicit_step(lin, h)
+        # where the rates are small, a step may not change them beyond their own size: it would jump over a bottleneck
+        difference /= min(1.0, 10 * at.residual)
         if trial is None or difference > tolerance:
             h /= 4
             if h * fastest < 1e-7:
-                return Attempt(name, False, iteration, best, reason="the variances leave every bound")
+                return Attempt(name, False, iteration, best, at, reason="the variances leave every bound")
             continue
         at, lin = trial, LinearisedMoments(trial)
         best = min(best, at, key=_residual)
@@ -137,10 +140,10 @@ def follow(
             polished_at = at.residual
             finish = newton(problem, (at.mean, at.covariance), limit=8)
             if finish.converged and relative_size(finish.best, _difference(at, finish.best)) < 0.5:
-                return Attempt(name, True, iteration + finish.iterations, finish.best, finish.step)
-        fastest = max(np.abs(lin.form.eigenvalues).max(), 1e-300)
+                return Attempt(name, True, iteration + finish.iterations, finish.best, finish.best, finish.step)
+        fastest = max(np.abs(lin.form.eigenvalues).max(), 1e-12 * fastest)
         h = min(h * (4 if difference < tolerance / 5 else 2 if difference < tolerance / 2 else 1), 1e12 / fastest)
-    return Attempt(name, False, limit, best, reason="no convergence")
+    return Attempt(name, False, limit, best, at, reason="no convergence")
 
 
 def _implicit_step(lin: LinearisedMoments, h: float) -> tuple[Evaluation | None, float]:

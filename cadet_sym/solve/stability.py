@@ -56,14 +56,16 @@ def stability(lin: LinearisedMoments) -> Stability:
     eigenvalues = _from_the_right(lin.form.eigenvalues)
     slow = eigenvalues[0].real
     fastest = np.abs(eigenvalues).max(initial=0.0)
+    moments = np.zeros(0)
     if at.problem.n <= DENSE and not at.problem.tracks:
         moments = _from_the_right(np.linalg.eigvals(moment_jacobian(at)))
         if abs(moments[0].real) > DOUBT * fastest:
             return Stability(bool(moments[0].real < 0), eigenvalues, "all eigenvalues", moments)
     if slow >= -MARGIN * fastest or not len(at.problem.C):
-        return Stability(bool(slow < -MARGIN * fastest), eigenvalues, "eigenvalues of N", eigenvalues[:1])
+        known = moments if len(moments) else eigenvalues[:1]
+        return Stability(bool(slow < -MARGIN * fastest), eigenvalues, "eigenvalues of N", known)
     response = Response(at, lin.form if isinstance(lin.form, ModalForm) else nearby_modal_form(at.N))
-    return Stability(count_unstable(response) == 0, eigenvalues, "Nyquist", np.zeros(0), response)
+    return Stability(count_unstable(response) == 0, eigenvalues, "Nyquist", moments, response)
 
 
 def _from_the_right(values: Array) -> Array:

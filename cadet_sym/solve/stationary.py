@@ -8,8 +8,8 @@ small too as its terms grow), and the covariance is positive semidefinite.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -24,7 +24,8 @@ __all__ = ["StationaryPoint", "accept", "stationary_point"]
 
 Array = np.ndarray
 
-MARGINAL = 1e-11  # of the fastest rate: a mode nearer to being undamped has no variance that rounding leaves standing
+ROUNDING = 1e-6  # of the standard deviations: moments that rounding of the equations moves by more are refused
+MARGINAL = 1e-11  # of the fastest rate: nearer to the imaginary axis is undamped
 NEGATIVE = 1e-10  # of the largest: a smaller negative eigenvalue of the correlations is rounding
 
 
@@ -38,7 +39,7 @@ class StationaryPoint:
     drifting: Array  # (n,) bool: states that have a part in one
     judgement: Stability
     residual: float  # the largest of the equations over the size of their own terms
-    step: float  # relative size of the last Newton step: what is left of the error is about its square
+    error: float  # estimate of what rounding and the last iteration leave wrong, over the standard deviations
     path: tuple[str, ...]  # a line for each attempt
     frame: Frame = field(repr=False)
     evaluation: Evaluation = field(repr=False)  # in the frame's coordinates
@@ -71,8 +72,8 @@ def stationary_point(problem: FrozenProblem, start: tuple[Array, Array] | None =
     attempts: list[Attempt] = []
     fallback: StationaryPoint | None = None
     for attempt in ladder(view, start):
-        attempts.append(attempt)
-        point = accept(view, attempt, attempts) if attempt.converged else None
+        point, refusal = accept(view, attempt, attempts)
+        attempts.append(replace(attempt, reason=refusal, converged=point is not None))
         if point is not None and point.stable:
             return point
         fallback = fallback or point
@@ -112,37 +113,51 @@ def scattered(view: Frame, count: int) -> Iterator[Attempt]:
         yield follow(p, begin, limit=60, name=f"pseudo-transient from random start {k + 1}")
 
 
-def accept(view: Frame, attempt: Attempt, attempts: list[Attempt]) -> StationaryPoint | None:
-    """The solution at which an attempt converged, or None if it is not one."""
+def accept(view: Frame, attempt: Attempt, before: Sequence[Attempt] = ()) -> tuple[StationaryPoint | None, str]:
+    """The solution at which an attempt converged, or None and why it is not one."""
     at = attempt.best
-    if not at.finite or not at.residual < RESIDUAL or not _positive(at.covariance):
-        return None
+    if not attempt.converged:
+        return None, attempt.reason
+    if not at.finite or not at.residual < RESIDUAL:
+        return None, "the residual is not small"
+    if not _positive(at.covariance):
+        return None, "its covariance is not positive semidefinite"
     lin = LinearisedMoments(at)
-    rates = lin.form.eigenvalues
-    if np.abs(rates.real).min() < MARGINAL * np.abs(rates).max():
-        return None
     try:
         change = lin.step()
-        step = relative_size(at, change)
+        step, error = relative_size(at, change), _rounding(lin)
         if not step < STEP:
-            return None
+            return None, "the moments run away"
+        if not error < ROUNDING:
+            return None, f"rounding alone moves the moments by {error:.0e}"
         judgement = stability(lin)
-    except SolverError:
-        return None
+    except SolverError as problem:
+        return None, str(problem)
     better = evaluate(at.problem, at.mean + change[0], at.covariance + change[1])
     at = better if better.residual < at.residual else at
     mean, covariance = view.lift(at.mean, at.covariance)
-    return StationaryPoint(
+    point = StationaryPoint(
         mean=mean,
         covariance=covariance,
         drift=view.drift,
         drifting=view.drifting,
         judgement=judgement,
         residual=at.residual,
-        step=step,
-        path=tuple(str(each) for each in attempts),
+        error=max(step**2, error),
+        path=tuple(str(each) for each in (*before, attempt)),
         frame=view,
         evaluation=at,
+    )
+    return point, ""
+
+
+def _rounding(lin: LinearisedMoments) -> float:
+    """How far rounding errors in the terms of the equations move the solution, over the standard deviations."""
+    first, second = lin.at.terms
+    signs = np.sign(np.random.default_rng(0).standard_normal(second.shape))
+    eps = np.finfo(float).eps
+    return relative_size(
+        lin.at, lin.solve(eps * signs[0] * first, eps * np.triu(signs) * second + eps * np.triu(signs, 1).T * second)
     )
 
 
@@ -157,8 +172,9 @@ def _positive(P: Array) -> bool:
 
 def _failure(view: Frame, attempts: list[Attempt]) -> SolverError:
     """What was tried, how close it came, and which eigenvalue is to blame."""
-    best = min((each.best for each in attempts), key=lambda at: at.residual)
-    last = max((each for each in attempts if "from random" not in each.rung), key=lambda each: each.iterations).best
+    positive = [each.best for each in attempts if np.min(np.diag(each.best.covariance)) >= 0]
+    best = min(positive, key=lambda at: at.residual, default=attempts[0].best)
+    last = max((each for each in attempts if "from random" not in each.rung), key=lambda each: each.iterations).last
     tried = "; ".join(str(each) for each in attempts if "from random" not in each.rung)
     count = sum("from random" in each.rung for each in attempts)
     if count:
@@ -186,10 +202,24 @@ def _blame(view: Frame, at: Evaluation) -> tuple[str, complex]:
     who = " and ".join(f"`{names[i]}`" for i in main if i < len(names))
     number = f"{value.real:.3g}" + (f" ± {abs(value.imag):.3g}i" if value.imag else "")
     where = f" (mostly {who})" if who else ""
-    if value.real > MARGINAL * np.abs(values).max():
+    limit = MARGINAL * np.abs(values).max()
+    if value.real > limit:
         verdict = f"N has the growing eigenvalue {number}{where}: negative damping or stiffness."
-    elif value.real > -MARGINAL * np.abs(values).max():
+    elif value.real >= -limit:
         verdict = f"the eigenvalue {number} of N{where} is undamped: its variance grows without bound."
     else:
-        verdict = f"the least damped eigenvalue of N was {number}{where}."
+        verdict = f"the least damped eigenvalue of N was {number}{where}"
+        growth = _growth(at)
+        if growth.real > 0:
+            value = growth
+            verdict += f", but the moments run away at {growth.real:.3g}: the elements lose gain as they grow"
+        verdict += "."
     return f"Where the search ended {verdict}", value
+
+
+def _growth(at: Evaluation) -> complex:
+    """The eigenvalue of the moment equations with the largest real part, or zero where that is no number."""
+    try:
+        return stability(LinearisedMoments(at)).rightmost
+    except (SolverError, np.linalg.LinAlgError):
+        return 0j
