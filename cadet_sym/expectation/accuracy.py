@@ -16,15 +16,15 @@ from cadet_sym.language.numeric import evaluate
 
 WARNED = 1e-8
 FLOOR = 1e-3  # of the largest value at the same variance: what an error is relative to at least
-SMOOTH = (*(Rule(1, order) for order in (16, 24, 32, 40)), Rule(1, 32, 2), Rule(1, 32, 4))
-POLES = (*(Rule(1, order) for order in (24, 32, 40, 48)), Rule(2, 32), Rule(4, 32))
-TRAPEZOIDAL = tuple(Rule(1, order) for order in (32, 48, 64, 80, 96, 128))
+SMOOTH = tuple(Rule(straight=order) for order in (16, 24, 32, 40, 64, 128))
+POLES = tuple(Rule(panels, order) for panels, order in ((1, 24), (1, 32), (1, 40), (1, 48), (2, 32), (4, 32)))
+TRAPEZOIDAL = tuple(Rule(order=order) for order in (32, 48, 64, 80, 96, 128))
 SINGULAR = (
-    *(Rule(1, 16, 1, graded, power, whole=True) for power, graded in ((2, 32), (2, 40), (3, 40), (3, 48))),
-    Rule(1, 16, 3, 24),
-    Rule(1, 32, 4, 32),
+    *(Rule(graded=order, power=power, whole=True) for power, order in ((2, 32), (2, 40), (3, 40), (3, 48))),
+    Rule(straight=40),
+    Rule(straight=80, graded=40),
 )
-SINGULAR_POLES = (Rule(2, 16, 4, 24), Rule(3, 24, 4, 32))
+SINGULAR_POLES = (Rule(2, 16, 40), Rule(3, 24, 64, 32))
 UNCHECKED = 3  # which rule is taken where no numbers are known to check it with
 SPREADS = (0.03, 0.3, 1.0, 3.0, 10.0, 100.0)
 PLACES = (-6.0, -2.5, -1.0, 0.0, 0.7, 2.0, 5.0)
@@ -46,7 +46,7 @@ def rules(part: Integral) -> tuple[Rule, ...]:
 
 def _reference(part: Integral) -> Rule:
     """A rule that is far more accurate than any of those tried."""
-    return Rule(1, 200) if part.is_trapezoidal else Rule(6, 32, 6, 60)
+    return Rule(order=200) if part.is_trapezoidal else Rule(6, 32, 150, 60)
 
 
 def chosen(part: Integral, where: str, wish: Wish) -> Integral:

@@ -47,6 +47,9 @@ class Term:
         return Term(self.rate, self.curvature, coefficients)
 
 
+PLAIN_TERM = Term(sp.S.Zero, sp.S.Zero, ())
+
+
 @dataclass(frozen=True)
 class Segment:
     """What the function is for lower < z < upper: a sum of terms about a centre."""

@@ -52,6 +52,14 @@ class Product:
                 yield argument, position
 
 
+    def poles(self) -> Iterator[tuple[int, sp.Expr, sp.Expr]]:
+        """Arguments, centres and widths of poles off the line."""
+        for argument, function in self.functions:
+            for part in function.integrals:
+                for place in part.steep:
+                    yield argument, place.centre, place.width
+
+
 @dataclass(frozen=True)
 class _Term:
     """A product on its way: powers of arguments, and for an argument with a function all factors that hold it."""

@@ -21,15 +21,19 @@ from cadet_sym.language.vocabulary import Lookup
 if TYPE_CHECKING:
     from cadet_sym.expectation.describing import DescribingFunction
 
-OUTER = Rule(2, 12, 3)
-OUTER_SMOOTH = Rule(1, 40)
+WITH_STEPS = Rule(2, 10, straight=24)
+TRAPEZOIDAL = Rule(order=80)
+WITHOUT_STEPS = Rule(order=56, straight=40)
 MAX_CROSSINGS = 4
 INNER_ERROR = 1e-9
 
 
 @dataclass(frozen=True)
 class Slice:
-    """A stretch of the outer argument, and on it the expectation over the others, of f and of its derivative."""
+    """A stretch of the outer argument, and on it the expectation over the others, of f and of its derivative.
+
+    Steep places of `part` are those of the crossings, then its own; these may depend on the other arguments.
+    """
 
     part: Integral
     inner: DescribingFunction
@@ -46,11 +50,12 @@ class Step:
 
 @dataclass(frozen=True)
 class Crossing:
-    """A kink of f in another argument, at start + slope z, z the outer argument."""
+    """A kink or a pole of f in another argument, at start + slope z, z the outer argument."""
 
     argument: int
     start: sp.Expr
     slope: sp.Expr
+    width: sp.Expr | None  # of a pole, perhaps a function of z; None for a kink
 
 
 @dataclass(frozen=True)
@@ -71,8 +76,17 @@ class Nested:
                 if not bound.is_infinite:
                     yield self.outer, bound
         for crossing in self.crossings:
-            if crossing.slope == 0:
+            if crossing.slope == 0 and crossing.width is None:
                 yield crossing.argument, crossing.start
+
+    def poles(self) -> Iterator[tuple[int, sp.Expr, sp.Expr]]:
+        """Arguments, centres and widths of poles off the line."""
+        for piece in self.slices:
+            for place in piece.part.steep[len(self.crossings) :]:
+                yield self.outer, place.centre, place.width
+        for crossing in self.crossings:
+            if crossing.slope == 0 and crossing.width is not None:
+                yield crossing.argument, crossing.start, crossing.width
 
     @property
     def nodes(self) -> int:
@@ -134,8 +148,7 @@ def _over(
         require_expectation(value, cell, splitter)
         expectations = inner(value), inner(sp.diff(value, z))
         for lower, upper, singular in stretches(cell, value, z):
-            places = steep_places(value, z, cell, singular)
-            steep = tuple(p for p in places if not p.centre.has(*rest) and not p.width.has(*rest))
+            steep = tuple(steep_places(value, z, cell, singular))
             part = Integral(lower, upper, value, z, steep, singular)
             slices.append(Slice(part, *expectations))
     steps = (Step(position, inner(change)) for position, change in _steps(slices, z))
@@ -145,9 +158,14 @@ def _over(
 
 def _ruled(piece: Slice, crossings: tuple[Crossing, ...]) -> Slice:
     """The slice with a place kept for every crossing, whose centre and width follow from the moments."""
-    rule = OUTER if crossings or piece.part.steep else OUTER_SMOOTH
-    places = (Steep(sp.S.Zero, sp.S.One, step=True),) * len(crossings)
-    return replace(piece, part=replace(piece.part, rule=rule, steep=(*places, *piece.part.steep)))
+    places = (Steep(sp.S.Zero, sp.S.One, step=crossing.width is None) for crossing in crossings)
+    part = replace(piece.part, steep=(*places, *piece.part.steep))
+    rule = WITHOUT_STEPS
+    if part.is_trapezoidal:
+        rule = TRAPEZOIDAL
+    elif any(place.step for place in part.steep) or any(part.singular):
+        rule = WITH_STEPS
+    return replace(piece, part=replace(part, rule=rule))
 
 
 def _joined(cells: list[tuple[Cell, sp.Expr]]) -> Iterator[tuple[Cell, sp.Expr]]:
@@ -173,14 +191,15 @@ def _steps(slices: list[Slice], z: sp.Symbol) -> Iterator[tuple[sp.Expr, sp.Expr
 
 
 def _crossings(slices: list[Slice], z: sp.Symbol, others: tuple[int, ...]) -> Iterator[Crossing]:
-    """Kinks in the inner arguments, as straight lines in the outer one."""
-    found: dict[tuple[int, sp.Expr], None] = {}
+    """Kinks and poles in the inner arguments, as straight lines in the outer one."""
+    found: dict[tuple[int, sp.Expr], sp.Expr | None] = {}
     for piece in slices:
         for product in piece.inner.products:
             for argument, position in product.kinks():
                 found[others[argument], position] = None
-    for argument, position in list(found)[:MAX_CROSSINGS]:
-        if not position.is_polynomial(z) or sp.degree(position, z) > 1:
-            continue
-        slope = position.coeff(z, 1) if position.has(z) else sp.S.Zero
-        yield Crossing(argument, sp.expand(position - slope * z), slope)
+            for argument, position, width in product.poles():
+                found.setdefault((others[argument], position), width)
+    for (argument, position), width in list(found.items())[:MAX_CROSSINGS]:
+        if position.is_polynomial(z) and sp.degree(position, z) <= 1:
+            slope = position.coeff(z, 1) if position.has(z) else sp.S.Zero
+            yield Crossing(argument, sp.expand(position - slope * z), slope, width)

@@ -30,7 +30,7 @@ from cadet_sym.expectation.steep import Steep, singular_at, steep_places
 REACH = 8.0  # standard deviations from the mean; 1e-15 of the probability lies beyond
 PANEL = 1.5  # length of the panel at a singular end where something else is steep, in standard deviations
 WIDEST = 100.0  # a steep place wider or farther than this many standard deviations is none
-NARROWEST = 1e-13
+NARROWEST = 1e-4  # what is steeper counts as a kink
 TINY = 1e-100
 STEP_REACH = 6.5  # widths beyond which a step is over to 4e-11
 SPACED = 2.0  # l, standard deviations from a pole beyond which nodes are equally spaced
@@ -49,6 +49,7 @@ class Algebra(Protocol):
     def fmin(self, x: Number, y: Number) -> Number: ...
     def fmax(self, x: Number, y: Number) -> Number: ...
     def where(self, condition: Number, x: Number, y: Number) -> Number: ...
+    def frozen(self, x: Number) -> Number: ...  # as a constant: the integral does not depend on where it is split
     def column(self, x: np.ndarray) -> Number: ...
     def geometric(self, first: Number, step: Number, count: int) -> tuple[Number, Number]: ...
 
@@ -63,6 +64,10 @@ class NumpyAlgebra:
     fmin = staticmethod(np.fmin)
     fmax = staticmethod(np.fmax)
     where = staticmethod(np.where)
+
+    def frozen(self, x: Number) -> Number:
+        """The number itself."""
+        return x
 
     def column(self, x: np.ndarray) -> Number:
         """Constants, one a row."""
@@ -84,12 +89,12 @@ class Wish:
 
 @dataclass(frozen=True)
 class Rule:
-    """How many panels on a stretch, how many nodes on a panel."""
+    """How many panels on a side of a steep place, how many nodes on a panel."""
 
-    panels: int
-    order: int
-    straight: int = 1  # panels where nothing is steep
-    graded: int = 20  # nodes of a panel at a singular end
+    panels: int = 1
+    order: int = 32
+    straight: int = 32  # nodes where nothing is steep
+    graded: int = 24  # nodes of a panel at a singular end
     power: int = 4  # of the substitution there
     whole: bool = False  # whether that panel is the whole stretch
 
@@ -104,7 +109,7 @@ class Integral:
     argument: sp.Symbol
     steep: tuple[Steep, ...] = ()
     singular: tuple[bool, bool] = (False, False)  # at the lower, the upper end; not at both
-    rule: Rule = Rule(1, 32)
+    rule: Rule = Rule()
     error: float = field(default=0.0, compare=False)
 
     @property
@@ -124,13 +129,12 @@ class Integral:
         if self.is_trapezoidal:
             return rule.order
         if any(self.singular) and not self.steep:
-            return rule.graded if rule.whole else rule.graded + rule.straight * rule.order
+            return rule.graded if rule.whole else rule.graded + rule.straight
         if not self.steep:
-            return rule.straight * rule.order
-        panels = rule.panels * zones * sum(place.sides for place in self.steep)
-        if any(self.singular):
-            return 3 * rule.graded + (panels - rule.panels * zones + 2 * rule.straight) * rule.order
-        return panels * rule.order
+            return rule.straight
+        side = rule.panels * rule.order * zones
+        nodes = side * sum(place.sides for place in self.steep)
+        return nodes - side + 3 * rule.graded + 2 * rule.straight if any(self.singular) else nodes
 
     def derivative(self) -> Integral:
         """The same for the derivative of the expression."""
@@ -212,19 +216,19 @@ class _Layout:
     # -- nothing steep --------------------------------------------------------------------------------------------
 
     def smooth(self, low: Number, high: Number) -> list[Nodes]:
-        """Panels of equal length, and a graded one at a singular end."""
+        """One panel, and a graded one at a singular end."""
         if not self.singular:
             return [self.straight(low, high)]
         return [self.graded(low, 0.0, high - low)] if self.rule.whole else self.from_end(low, high - low)
 
     def straight(self, low: Number, high: Number) -> Nodes:
-        """Panels of equal length, which may be as long as the whole stretch."""
-        t, w = (self.xp.column(x) for x in composite(self.rule.straight, self.rule.order))
+        """One panel, which may be as long as the whole stretch."""
+        t, w = (self.xp.column(x) for x in legendre(self.rule.straight))
         u = low + (high - low) * t
         return Nodes(u, w * (high - low) * self.density(u))
 
     def from_end(self, end: Number, length: Number) -> list[Nodes]:
-        """From a singular end inwards: a graded panel, then straight ones."""
+        """From a singular end inwards: a graded panel, then a straight one."""
         first = self.xp.fmin(length, PANEL)
         return [self.graded(end, 0.0, first), self.straight(end + first, end + length)]
 
@@ -257,7 +261,7 @@ class _Layout:
     def trapezoidal(self, low: Number, high: Number, centre: Number, width: Number) -> Nodes:
         """The whole line in equal steps of tau, u = c + width sinh(tau)."""
         count = self.rule.order
-        centre, width = _projected(centre, width, low, high, self.xp)
+        centre, width = map(self.xp.frozen, _projected(centre, width, low, high, self.xp))
         length = self.xp.sqrt(width * width + SPACED**2)
         first = -self.substituted(centre - low, width, length)
         last = self.substituted(high - centre, width, length)
@@ -291,6 +295,9 @@ class _Layout:
         rows = []
         for (centre, width), kind in zip(steep, self.part.steep, strict=True):
             inside, wide = _projected(centre, width, low, high, self.xp)
+            if not kind.step:
+                wide = self.xp.frozen(wide)
+                inside = self.xp.frozen(inside) if kind.sides == 2 else inside
             scale, over = (WIDEST, STEP_REACH * wide) if kind.step else (wide, WIDEST)
             rows.append((inside, scale, over))
         return [_Place(*row) for row in _sorted(rows, self.xp)]

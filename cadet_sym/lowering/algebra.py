@@ -17,6 +17,10 @@ class CasadiAlgebra:
     fmax = staticmethod(ca.fmax)
     where = staticmethod(ca.if_else)
 
+    def frozen(self, x: ca.SX) -> ca.SX:
+        """The number to 9 decimals, with no derivative."""
+        return (ca.floor(x * 2**30) + 0.5) / 2**30
+
     def column(self, x: np.ndarray) -> ca.DM:
         """Constants, one a row."""
         return ca.DM(x)

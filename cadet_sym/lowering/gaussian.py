@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import casadi as ca
 import sympy as sp
 
-from cadet_sym.expectation.closed_form import Kink, PiecewiseForm, Segment, Term
+from cadet_sym.expectation.closed_form import PLAIN_TERM, Kink, PiecewiseForm, Segment, Term, normal
 from cadet_sym.expectation.quadrature import REACH, Integral, lay_out
 from cadet_sym.expectation.steep import about_end
 from cadet_sym.expectation.univariate import Univariate
@@ -79,15 +79,14 @@ class Gaussian:
             value = ca.jacobian(value, m)
         return ca.substitute(value, ca.vertcat(m, p), ca.vertcat(self.m, self.p))
 
-    def inside(self, segment: Segment, value: ca.SX) -> ca.SX:
-        """The value if the mean lies in the segment, else zero."""
-        return self._chosen(segment, self.m, value)
-
-    def _chosen(self, segment: Segment, position: ca.SX, value: ca.SX) -> ca.SX:
-        if not segment.lower.is_infinite:
-            value = ca.if_else(position >= self.value(segment.lower), value, 0)
-        if not segment.upper.is_infinite:
-            value = ca.if_else(position < self.value(segment.upper), value, 0)
+    def inside(self, segment: Segment, value: ca.SX, term: Term = PLAIN_TERM) -> ca.SX:
+        """The value if the mean (of the distribution times the term's exponential) lies in the segment, else zero."""
+        for bound, above in ((segment.lower, True), (segment.upper, False)):
+            if not bound.is_infinite:
+                # the very distance by whose sign the tail at the kink is told, or they would differ by a rounding
+                rate = normal(term.rate + 2 * term.curvature * (bound - segment.centre))
+                distance = self.tilt(bound, Term(rate, term.curvature, ())).mean.real
+                value = ca.if_else(distance >= 0, value if above else 0, 0 if above else value)
         return value
 
     def tail_moment(self, position: sp.Expr, n: int) -> ca.SX:
@@ -134,7 +133,7 @@ class Gaussian:
             if coefficient != 0:
                 total = total + self.complex_value(coefficient) * power
         value = (total * tilt.weight).real
-        return self._chosen(segment, tilt.mean.real + self.value(segment.centre), value)
+        return self.inside(segment, value, term)
 
     def _tail(self, kink: Kink, term: Term) -> ca.SX:
         """E of the change above a kink that lies above the mean, or less that below a kink below the mean."""

@@ -42,6 +42,17 @@ class Joint:
             self.pairs[i, j] = Pair(self.marginal(i), self.marginal(j), self.covariance(i, j))
         return self.pairs[i, j]
 
+    def expectation(self, df: DescribingFunction) -> ca.SX:
+        """E[f]."""
+        F = ca.SX(0)
+        for product in df.products:
+            if isinstance(product, Product):
+                moments = _ProductMoments(product, self)
+                F += moments.scale * moments.expectation()
+            else:
+                F += nested_moments(product, self)[0]
+        return F
+
     def expectation_and_gain(self, df: DescribingFunction) -> tuple[ca.SX, ca.SX]:
         """E[f] and its gradient in the mean."""
         count = len(df.arguments)

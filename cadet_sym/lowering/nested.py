@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from functools import reduce
 from typing import TYPE_CHECKING
 
 import casadi as ca
+import sympy as sp
 
 from cadet_sym.expectation.describing import DescribingFunction
 from cadet_sym.expectation.nested import Crossing, Nested, Slice
 from cadet_sym.expectation.quadrature import REACH, Nodes, lay_out
+from cadet_sym.expectation.steep import Steep
 from cadet_sym.lowering.algebra import CasadiAlgebra
 from cadet_sym.lowering.bivariate import one_minus_square
+from cadet_sym.lowering.expressions import Lowering
 from cadet_sym.lowering.gaussian import Gaussian, beyond_reach
 
 if TYPE_CHECKING:
     from cadet_sym.lowering.joint import Joint
 
+SPREADS = (-4.0, -2.0, 0.0, 2.0, 4.0)
 PARALLEL = 1e-100  # a kink of the others that does not move with the outer argument is crossed nowhere
 
 
@@ -31,8 +36,10 @@ class _Conditioning:
         self.nested, self.joint = nested, joint
         self.outer: Gaussian = joint.marginal(nested.outer)
         self.symbol = nested.slices[0].part.argument
+        self.rest = nested.slices[0].inner.arguments
         self.means = ca.vertcat(*(joint.m[i] for i in nested.others))
         pairs = [joint.pair(nested.outer, i) for i in nested.others]
+        self.scales = [pair.y.s for pair in pairs]
         self.lean = [pair.rho * pair.y.s for pair in pairs]  # L_i
         self.left = [pair.y.v * one_minus_square(pair.rho) for pair in pairs]
         self.covariances = ca.vertcat(
@@ -50,8 +57,7 @@ class _Conditioning:
             low, high = self._ends(piece)
             for nodes in self._nodes(piece, low, high):
                 z = self._points(piece, nodes)
-                value, inner = self._given(piece.inner, z, nodes.u)
-                slope, _ = self._given(piece.slope, z, nodes.u)
+                value, inner, slope = self._given(piece.inner, piece.slope, z, nodes.u)
                 weight = ca.if_else(high > low, nodes.weight, 0)
                 F += ca.dot(weight, value.T)
                 gains[nested.outer] += ca.dot(weight, slope.T)
@@ -59,7 +65,7 @@ class _Conditioning:
                     gains[i] += ca.dot(weight, inner[a, :].T)
         for step in nested.steps:
             phi, u = outer.density(step.position)
-            value, _ = self._given(step.inner, outer.value(step.position), -u)
+            value, _, _ = self._given(step.inner, step.inner, outer.value(step.position), -u)
             gains[nested.outer] += phi / outer.s * value
         return F, gains
 
@@ -73,11 +79,18 @@ class _Conditioning:
         part, outer = piece.part, self.outer
         crossings = self.nested.crossings
         steep = [self._crossing(crossing) for crossing in crossings]
-        steep += [
-            ((outer.value(p.centre) - outer.m) / outer.s, outer.value(p.width) / outer.s)
-            for p in part.steep[len(crossings) :]
-        ]
+        steep += [self._own_place(place) for place in part.steep[len(crossings) :]]
         return lay_out(part, low, high, steep, CasadiAlgebra())
+
+    def _own_place(self, place: Steep) -> tuple[ca.SX, ca.SX]:
+        """A steep place of f itself, as narrow as it gets for likely values of the others."""
+        outer, widths, centre = self.outer, [], ca.SX(0)
+        for spread in SPREADS if place.width.has(*self.rest) else (0.0,):
+            likely = {z: self.means[a] + spread * self.scales[a] for a, z in enumerate(self.rest)}
+            there = Lowering({**outer.env, **likely})
+            widths.append(there.convert(place.width))
+            centre = there.convert(place.centre) if spread == 0 else centre
+        return (centre - outer.m) / outer.s, reduce(ca.fmin, widths) / outer.s
 
     def _crossing(self, crossing: Crossing) -> tuple[ca.SX, ca.SX]:
         """Where the mean of another argument, given the outer one, passes its kink, and over what width."""
@@ -85,8 +98,12 @@ class _Conditioning:
         slope = outer.value(crossing.slope)
         speed = self.lean[a] - slope * outer.s
         speed = ca.if_else(ca.fabs(speed) > PARALLEL, speed, PARALLEL)
-        distance = outer.value(crossing.start) + slope * outer.m - self.means[a]
-        return distance / speed, ca.sqrt(self.left[a]) / ca.fabs(speed)
+        u = (outer.value(crossing.start) + slope * outer.m - self.means[a]) / speed
+        square = self.left[a]
+        if crossing.width is not None:
+            there = Lowering({**outer.env, self.symbol: outer.m + outer.s * u})
+            square = square + there.convert(crossing.width) ** 2
+        return u, ca.sqrt(square) / ca.fabs(speed)
 
     def _points(self, piece: Slice, nodes: Nodes) -> ca.SX:
         outer = self.outer
@@ -96,14 +113,28 @@ class _Conditioning:
         end = piece.part.upper if side > 0 else piece.part.lower
         return outer.value(end) - side * outer.s * (nodes.distance + beyond_reach(outer, end, side))
 
-    def _given(self, df: DescribingFunction, z: ca.SX, u: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Expectation and gains at every point of a column."""
-        from cadet_sym.lowering.elements import element_function
-
-        free = tuple(sorted(df.body.free_symbols - set(df.arguments) - {self.symbol}, key=str))
-        function = element_function(df, (self.symbol, *free))
+    def _given(
+        self, df: DescribingFunction, slope: DescribingFunction, z: ca.SX, u: ca.SX
+    ) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Expectation of f, its gains, and the expectation of the slope, at every point of a column."""
+        symbols = (df.body.free_symbols | slope.body.free_symbols) - set(df.arguments) - {self.symbol}
+        free = tuple(sorted(symbols, key=str))
+        function = _inner_function(df, slope, (self.symbol, *free))
         u, z = ca.SX(u).T, ca.SX(z).T
         means = self.means + ca.mtimes(ca.vertcat(*self.lean), u)
         parameters = ca.vertcat(*(self.outer.value(symbol) for symbol in free))
         q = ca.vertcat(z, ca.repmat(parameters, 1, z.shape[1])) if free else z
         return function(means, ca.repmat(self.covariances, 1, z.shape[1]), q)
+
+
+def _inner_function(
+    df: DescribingFunction, slope: DescribingFunction, free: tuple[sp.Symbol, ...]
+) -> ca.Function:
+    """(m, S, q) -> F, gain, E[slope]: two functions under one distribution share what they need of it."""
+    from cadet_sym.lowering.joint import Joint
+
+    m, S = ca.SX.sym("m", len(df.means)), ca.SX.sym("S", len(df.covariances))
+    q = ca.SX.sym("q", len(free))
+    joint = Joint(m, S, {symbol: q[i] for i, symbol in enumerate(free)})
+    F, gain = joint.expectation_and_gain(df)
+    return ca.Function("inner", [m, S, q], [F, gain, joint.expectation(slope)])
