@@ -5,34 +5,38 @@ The judge of what the rest of the package computes: nothing of linearisation or 
 
 from __future__ import annotations
 
-import math
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
-from functools import reduce
 from time import perf_counter
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from cadet_sym.augment import AugmentedSystem, augment
-from cadet_sym.errors import ModelError, SolverError
+from cadet_sym.errors import SolverError
 from cadet_sym.language.model import Model
+from cadet_sym.simulate.arguments import check_numbers, choose_engine, increasing, output_times, places_of
+from cadet_sym.simulate.collect import Collected, Goal, collect, estimates_of
+from cadet_sym.simulate.demands import Demands
 from cadet_sym.simulate.ensemble import Ensemble
 from cadet_sym.simulate.plan import Problem
-from cadet_sym.simulate.statistics import Moments
-from cadet_sym.simulate.steps import Chosen, choose_step
-from cadet_sym.simulate.workers import run_groups
+from cadet_sym.simulate.riders import CrossingRider
+from cadet_sym.simulate.statistics import Moments, interval_factor, moments_of
+from cadet_sym.simulate.steps import Chosen, Precision, choose_step
+from cadet_sym.simulate.twin import Twin
+from cadet_sym.simulate.workers import Task, records_in_parts
 
 __all__ = ["simulate"]
 
 Progress = Callable[[int], Any]
+_LOOK = 256  # paths from which places and sizes are taken where no step's error was measured
 
 
 def simulate(
     model: Model | AugmentedSystem,
-    paths: int = 2000,
+    paths: int | Literal["auto"] = 2000,
     *,
     seed: int = 0,
     times: Sequence[float] | np.ndarray | None = None,
@@ -41,6 +45,13 @@ def simulate(
     keep: int = 20,
     run_in: float | None = None,
     check_step: bool = True,
+    twin: Twin | None = None,
+    target: float = 0.01,
+    watch: Sequence[str] | None = None,
+    time_limit: float | None = None,
+    levels: Mapping[str, Sequence[float]] | None = None,
+    histograms: Mapping[str, int | Sequence[float]] | None = None,
+    average_from: float | None = None,
     engine: str | None = None,
     threads: int | None = None,
     executor: Executor | None = None,
@@ -58,16 +69,23 @@ def simulate(
     Parameters
     ----------
     model : a model, or its augmented system.
-    paths : realisations; the paper uses 2000.
+    paths : realisations (the paper uses 2000), or "auto": as many as the `target` asks for.
     seed : a whole number, not negative; the same seed gives the same paths.
     times : (k,) output times, increasing, not negative; the model's own run if not given.
-    step : longest time step. If not given, one is chosen from the fastest rates of vehicle and ground and halved
-        until its error, measured on pairs of paths, is well below the sampling error.
+    step : longest time step. If not given, one is chosen from the fastest rates of vehicle and ground and shortened
+        until its error, measured on pairs of paths, is below half of the sampling error.
     level : probability of the limits.
     keep : paths to be kept as they are, for plots.
     run_in : with `whole = "stationary"`, the time for which every path is run in at the initial speed before t = 0;
-        chosen from the slowest rate of the vehicle if not given.
+        seven time constants of the vehicle's slowest mode if not given.
     check_step : measure the step's error (some paths are computed with half the step as well).
+    twin : the quasi-linear system along the run, for estimates by control variates (see `control`).
+    target, watch, time_limit : with `paths="auto"`, the half-width wanted of the limits of a variance over the variance
+        and of a mean over the standard deviation; of which states and outputs (all outputs, or all of the vehicle's
+        states if there are none); and the time there is for it, s.
+    levels : state or output -> levels whose up-crossings are counted, at every step.
+    histograms : state or output -> edges of bins, or their number.
+    average_from : average over the output times from here on as well, for stationary runs.
     engine : "numba" (compiled) or "numpy"; numba if it is installed.
     threads : threads to use; as many as there are processors if not given.
     executor : a `concurrent.futures` executor to work on instead of threads (processes, other machines).
@@ -76,102 +94,111 @@ def simulate(
     Raises
     ------
     ModelError : an argument or the model is wrong.
-    SolverError : every path diverged.
+    SolverError : every path diverged, or the target was not reached in the time there was; `partial` holds the
+        ensemble so far.
     """
     began = perf_counter()
     system = model if isinstance(model, AugmentedSystem) else augment(model)
-    _check(paths, seed, step, level, keep, run_in, threads)
-    engine = _engine(engine)
-    problem = Problem(system, _times(system.model, times))
+    auto = paths == "auto"
+    check_numbers(
+        paths=None if auto else paths, seed=seed, step=step, level=level, keep=keep, run_in=run_in, threads=threads,
+        target=target, time_limit=time_limit,
+    )  # fmt: skip
+    engine = choose_engine(engine)
+    crossings = _crossing_riders(system, increasing(levels or {}, "levels"))
+    problem = Problem(system, output_times(system.model, times), list(crossings.values()), twin)
+    factor = interval_factor(level)
+    goal = Goal(None if auto else paths, target, _watched(problem, watch), factor, time_limit)  # type: ignore[arg-type]
     seconds = {"preparing": perf_counter() - began}
-    chosen = choose_step(problem, paths, seed, step, run_in, engine, check_step)
-    seconds |= chosen.seconds
+    precision = Precision(goal.paths or 2048, target if auto else None, factor)
+    chosen = choose_step(problem, precision, seed, step, run_in, engine, check_step)
     began = perf_counter()
     plan, grid = problem.plan(chosen.step, chosen.run_in)
-    n = len(system.states)
-    groups: list[Moments] = []
-    kept, diverged = [], 0
-    with _telling(progress, paths) as tell:
-        for result in run_groups(plan, engine, seed, paths, n, keep, executor, threads):
-            groups.append(result.moments)
-            kept.append(result.kept)
-            diverged += result.diverged
-            tell(result.paths)
-    moments = reduce(Moments.joined, groups)
-    seconds["paths"] = perf_counter() - began
-    notes = _notes(chosen, diverged, paths)
-    if diverged == paths:
+    tallies = Demands(
+        problem, chosen, crossings, histograms or {}, average_from, lambda: _look(plan, engine, seed, problem)
+    )
+    task = Task(plan, engine, seed, len(system.states), problem.quantities, keep, tallies.all)
+    with _telling(progress, goal.paths) as tell:
+        found, over = collect(task, goal, tallies.control_rows, executor, threads, tell)
+    seconds |= {**chosen.seconds, "paths": perf_counter() - began}
+    ensemble = _ensemble(problem, chosen, found, tallies, float(grid.step.max()), seed, level, engine, seconds)
+    if found.diverged == found.paths:
         raise SolverError(
-            f"all {paths} paths diverged with a step of {chosen.step:.3g}: the model is unstable, or asks for a "
+            f"all {found.paths} paths diverged with a step of {chosen.step:.3g}: the model is unstable, or asks for a "
             "shorter step; check the parameters, or give `step`",
-            partial=moments,
+            partial=ensemble,
         )
-    if diverged:
-        warnings.warn(notes[-1], RuntimeWarning, stacklevel=2)
+    if found.diverged:
+        warnings.warn(ensemble.notes[-1], RuntimeWarning, stacklevel=2)
+    if over > 1.0:
+        raise SolverError(
+            f"the limits wanted, {target:g}, were not reached in {time_limit:g} s: with {found.paths} paths the widest "
+            f"is {over * target:.2g}; allow some {_time_needed(seconds['paths'], over):.2g} s, or a wider `target`",
+            partial=ensemble,
+        )
+    return ensemble
+
+
+def _time_needed(taken: float, over: float) -> float:
+    return 1.1 * taken * over**2
+
+
+def _watched(problem: Problem, names: Sequence[str] | None) -> tuple[int, ...]:
+    if names is None:
+        outputs = tuple(range(len(problem.system.states), problem.quantities))
+        return outputs or tuple(range(problem.system.vehicle_size))
+    return tuple(places_of(names, problem.names, "watch"))
+
+
+def _crossing_riders(system: AugmentedSystem, levels: Mapping[str, tuple[float, ...]]) -> dict[str, CrossingRider]:
+    quantities = {s.name: s for s in system.states} | dict(system.outputs)
+    places_of(list(levels), list(quantities), "levels")
+    return {name: CrossingRider(quantities[name], values) for name, values in levels.items()}
+
+
+def _look(plan: Any, engine: str, seed: int, problem: Problem) -> Moments:
+    records, _ = records_in_parts(plan, engine, seed, _LOOK)
+    return moments_of(records[:, : problem.quantities], len(problem.system.states))
+
+
+def _ensemble(
+    problem: Problem,
+    chosen: Chosen,
+    found: Collected,
+    tallies: Demands,
+    step: float,
+    seed: int,
+    level: float,
+    engine: str,
+    seconds: Mapping[str, float],
+) -> Ensemble:
+    system, moments, controlled = problem.system, found.moments, found.controlled(tallies.all)
+    doubted = [problem.names[row] for row, c in zip(tallies.control_rows, controlled, strict=True) if not c.trusted]
     return Ensemble(
         model=system.model.name,
         states=tuple(s.name for s in system.states),
         outputs=tuple(system.outputs),
         time=problem.times,
-        paths=paths,
+        paths=found.paths,
         seed=seed,
-        step=float(grid.step.max()),
+        step=step,
+        estimates=estimates_of(moments, controlled, tallies.control_rows),
         moments=moments,
         step_error=chosen.error,
-        diverged=diverged,
-        kept=np.concatenate(kept),
+        diverged=found.diverged,
+        kept=np.concatenate(found.kept),
+        histograms=tallies.results(found, tallies.histograms),
+        crossings=tallies.results(found, tallies.crossings),
+        average=None if tallies.average is None else tallies.results(found, {"": tallies.average})[""],
         level=level,
         run_in=chosen.run_in,
         engine=engine,
         seconds=seconds,
-        notes=notes,
+        notes=_notes(chosen, doubted, found),
     )
 
 
-def _check(
-    paths: int, seed: int, step: float | None, level: float, keep: int, run_in: float | None, threads: int | None
-) -> None:
-    """Refuse arguments that no simulation can be run with."""
-    for name, value, least in (("paths", paths, 2), ("seed", seed, 0), ("keep", keep, 0), ("threads", threads, 1)):
-        if value is None and name == "threads":
-            continue
-        if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
-            raise ModelError(f"simulate: `{name}` is a whole number, {least} or more; found {value!r}")
-    for name, number, above in (("step", step, "greater than zero"), ("run_in", run_in, "not negative")):
-        if number is None:
-            continue
-        wrong = not math.isfinite(number) or number < 0.0 or (number == 0.0 and name == "step")
-        if wrong:
-            raise ModelError(f"simulate: `{name}` is a time {above}; found {number!r}")
-    if not 0.0 < level < 1.0:
-        raise ModelError(f"simulate: `level` is a probability between 0 and 1; found {level!r}")
-
-
-def _times(model: Model, times: Sequence[float] | np.ndarray | None) -> np.ndarray:
-    if times is None:
-        return np.linspace(0.0, model.number(model.run.duration), model.run.points)
-    time = np.array(times, dtype=float)
-    if time.ndim != 1 or not len(time) or not np.isfinite(time).all() or time[0] < 0.0 or (np.diff(time) <= 0).any():
-        raise ModelError(
-            f"simulate: `times` are increasing numbers, the first not negative; found {np.asarray(times).tolist()!r}"
-        )
-    if time[-1] == 0.0:
-        raise ModelError("simulate: `times` hold nothing but 0; the moments there are the initial ones")
-    return time
-
-
-def _engine(engine: str | None) -> str:
-    from importlib.util import find_spec
-
-    if engine not in (None, "numba", "numpy"):
-        raise ModelError(f'simulate: `engine` is "numba" or "numpy"; found {engine!r}')
-    there = find_spec("numba") is not None
-    if engine == "numba" and not there:
-        raise ModelError('simulate: `engine="numba"` needs numba, which is not installed; take "numpy" or install it')
-    return engine or ("numba" if there else "numpy")
-
-
-def _notes(chosen: Chosen, diverged: int, paths: int) -> tuple[str, ...]:
+def _notes(chosen: Chosen, doubted: Sequence[str], found: Collected) -> tuple[str, ...]:
     notes = []
     if chosen.run_in > 0.0:
         notes.append(f"Every path was run in for {chosen.run_in:.3g} at the initial speed before t = 0.")
@@ -180,16 +207,20 @@ def _notes(chosen: Chosen, diverged: int, paths: int) -> tuple[str, ...]:
             f"The error of the time step {chosen.step:.2g} is not small beside the sampling error; look at the step "
             "errors, or give a shorter `step`."
         )
-    if diverged:
+    if doubted:
         notes.append(
-            f"{diverged} of {paths} paths diverged and count only up to there: the moments are those of the paths "
-            "that stayed finite."
+            f"The twin's simulated moments are not those given with it: {', '.join(doubted)} are estimated without it."
+        )
+    if found.diverged:
+        notes.append(
+            f"{found.diverged} of {found.paths} paths diverged and count only up to there: the moments are those of "
+            "the paths that stayed finite."
         )
     return tuple(notes)
 
 
 @contextmanager
-def _telling(progress: bool | Progress, paths: int) -> Iterator[Progress]:
+def _telling(progress: bool | Progress, paths: int | None) -> Iterator[Progress]:
     """A function that is told how many more paths are finished."""
     if callable(progress):
         yield progress
@@ -200,5 +231,5 @@ def _telling(progress: bool | Progress, paths: int) -> Iterator[Progress]:
         from rich.progress import Progress as Bar
 
         with Bar(console=Console(stderr=True), transient=True) as bar:
-            task = bar.add_task(f"{paths} paths", total=paths)
+            task = bar.add_task(f"{paths or ''} paths".strip(), total=paths)
             yield lambda finished: bar.advance(task, finished)

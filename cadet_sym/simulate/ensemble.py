@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -11,7 +11,8 @@ import numpy as np
 
 from cadet_sym.errors import ModelError
 from cadet_sym.labelled import Labelled, LabelledCovariance
-from cadet_sym.simulate.statistics import Moments, StepError, interval_factor
+from cadet_sym.simulate.statistics import Estimates, Moments, StepError, interval_factor
+from cadet_sym.simulate.tallies import Crossings, Histogram, TimeAverage
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -35,10 +36,14 @@ class Ensemble:
     paths: int
     seed: int
     step: float  # longest step of time
-    moments: Moments  # of states, then outputs
+    estimates: Estimates  # mean and variance of states, then outputs: by control variates where there are any
+    moments: Moments  # of the paths alone
     step_error: StepError | None  # None if it was not asked for
     diverged: int  # paths that stopped being finite before the end
     kept: np.ndarray  # (kept paths, k, n + m): the first paths as they were recorded
+    histograms: Mapping[str, Histogram]
+    crossings: Mapping[str, Crossings]
+    average: TimeAverage | None  # over time as well, of states, then outputs
     level: float  # of the limits, 0.99
     run_in: float  # time for which every path was run in before t = 0, s
     engine: str  # "numba" or "numpy"
@@ -48,33 +53,35 @@ class Ensemble:
     @property
     def mean(self) -> Labelled:
         """Means, in the units of the quantity."""
-        return self._labelled(self.moments.mean)
+        return self._labelled(self.estimates.mean)
 
     @property
     def variance(self) -> Labelled:
         """Unbiased variances."""
-        return self._labelled(self.moments.variance)
+        return self._labelled(self.estimates.variance)
 
     @property
     def std(self) -> Labelled:
         """Square roots of the variances."""
-        return self._labelled(np.sqrt(self.moments.variance))
+        return self._labelled(np.sqrt(np.maximum(self.estimates.variance, 0.0)))
 
     @cached_property
     def covariance(self) -> LabelledCovariance:
         """Zero-lag covariances of the states, (k, n, n); of outputs the variance."""
         n = len(self.states)
-        return LabelledCovariance(self.states, self.moments.covariance, self.outputs, self.moments.variance[:, n:])
+        covariance = self.moments.covariance.copy()
+        covariance[:, range(n), range(n)] = self.estimates.variance[:, :n]
+        return LabelledCovariance(self.states, covariance, self.outputs, self.estimates.variance[:, n:])
 
     @property
     def mean_standard_error(self) -> Labelled:
         """Standard deviation of the mean as an estimate."""
-        return self._labelled(self.moments.mean_standard_error)
+        return self._labelled(self.estimates.mean_standard_error)
 
     @property
     def variance_standard_error(self) -> Labelled:
         """Standard deviation of the variance as an estimate; the fourth moment is in it."""
-        return self._labelled(self.moments.variance_standard_error)
+        return self._labelled(self.estimates.variance_standard_error)
 
     @property
     def skewness(self) -> Labelled:
@@ -109,7 +116,7 @@ class Ensemble:
         if moment not in ("mean", "variance"):
             raise ModelError(f'limits are of "mean" or "variance", not {moment!r}')
         factor = interval_factor(_checked_level(self.level if level is None else level))
-        return self._labelled(factor * getattr(self.moments, f"{moment}_standard_error"))
+        return self._labelled(factor * getattr(self.estimates, f"{moment}_standard_error"))
 
     def mean_limits(self, name: str, level: float | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper limits of the mean of one state or output."""
@@ -120,6 +127,12 @@ class Ensemble:
         """Lower and upper limits of the variance of one state or output."""
         half = self.limit("variance", level)[name]
         return self.variance[name] - half, self.variance[name] + half
+
+    def saved(self, moment: str) -> Labelled:
+        """How many times more paths plain simulation would need for the same standard error of "mean" or "variance"."""
+        name = f"{moment}_standard_error"
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return self._labelled((getattr(self.moments, name) / getattr(self.estimates, name)) ** 2)
 
     def path(self, name: str) -> np.ndarray:
         """The kept paths of one state or output, (kept paths, k)."""
@@ -181,8 +194,3 @@ def _checked_level(level: float) -> float:
     if not 0.0 < level < 1.0:
         raise ModelError(f"the level of limits is a probability between 0 and 1, not {level!r}; 0.99 is usual")
     return float(level)
-
-
-def sentences(notes: Sequence[str | None]) -> tuple[str, ...]:
-    """Those notes that there are."""
-    return tuple(note for note in notes if note)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,12 +11,15 @@ import sympy as sp
 
 from cadet_sym.augment import AugmentedSystem
 from cadet_sym.errors import ModelError
-from cadet_sym.language.expression import SPEED, evaluate
+from cadet_sym.language.expression import SPEED, TIME, evaluate
 from cadet_sym.simulate.grid import Grid, Motion, make_grid
 from cadet_sym.simulate.ground import covariance_factor, ground_tables
 from cadet_sym.simulate.program import Program, numeric, write_program
+from cadet_sym.simulate.riders import TwinRider
 from cadet_sym.simulate.source import RUN_SYMBOLS
+from cadet_sym.simulate.step import Rider
 from cadet_sym.simulate.tables import GroundTables, OutputTables, StartTables, StepTables
+from cadet_sym.simulate.twin import Twin
 
 __all__ = ["Plan", "Problem"]
 
@@ -48,15 +51,21 @@ class Problem:
     Parameters
     ----------
     times : (k,) output times, increasing from 0 or later.
+    riders : what is carried along with every path.
+    twin : the quasi-linear system along the run, if it is to be carried along, after the other riders.
     """
 
-    def __init__(self, system: AugmentedSystem, times: np.ndarray):
-        self.system, self.times = system, times
+    def __init__(
+        self, system: AugmentedSystem, times: np.ndarray, riders: Sequence[Rider] = (), twin: Twin | None = None
+    ):
+        self.system, self.times, self.twin = system, times, twin
+        self.twin_rider = None if twin is None else TwinRider(system)
+        self.riders: list[Rider] = [*riders, *([] if self.twin_rider is None else [self.twin_rider])]
         self.values: dict[sp.Symbol, float] = {
             sp.Symbol(name, real=True): float(value) for name, value in system.model.parameter_values().items()
         }
         self.elements = system.model.vehicle.elements
-        self.program: Program = write_program(system)
+        self.program: Program = write_program(system, self.riders)
         self.motion = Motion(system, self.values, float(times[-1]))
         self.names = [s.name for s in system.states] + list(system.outputs)
         self._check_tracks()
@@ -105,7 +114,7 @@ class Problem:
             for k in range(nv):
                 at[k, 2 * k] += size
                 at[k, 2 * k + 1] -= size
-            known = {**self.values, **dict(zip(self.system.states, at, strict=True)), **self._run_values(time)}
+            known = {**self.values, **dict(zip(self.system.states, at, strict=True)), **self.run_values(time)}
             rates = numeric(self.system.drift[:nv], known, self.elements)
             jacobian = (rates[0::2] - rates[1::2]) / (2.0 * size)
             if np.isfinite(jacobian).all():
@@ -114,7 +123,7 @@ class Problem:
 
     def ground_scale(self) -> float:
         """Largest rate, 1/s, at which the ground comes by: its filters' fastest mode at the highest speed."""
-        run = self._run_values(np.linspace(0.0, self.times[-1], 501))
+        run = self.run_values(np.linspace(0.0, self.times[-1], 501))
         fastest = 0.0
         for C in {copy.filter.C for copy in self.system.copies}:
             matrices = numeric(list(C), {**self.values, **run}, self.elements).reshape(-1, *C.shape)
@@ -122,7 +131,22 @@ class Problem:
             fastest = max(fastest, float((modes * run[SPEED]).max()))
         return fastest
 
-    def _run_values(self, time: np.ndarray) -> dict[sp.Symbol, np.ndarray]:
+    @property
+    def quantities(self) -> int:
+        """States and outputs: the first rows of the records; riders follow."""
+        return len(self.names)
+
+    def first_row(self, rider: Rider | None) -> int:
+        """First of a rider's rows in the records."""
+        row = self.quantities
+        for other in self.riders:
+            if other is rider:
+                break
+            row += len(other.copied)
+        return row
+
+    def run_values(self, time: np.ndarray) -> dict[sp.Symbol, np.ndarray]:
+        """Time, distance, speed and its rate."""
         m = self.motion
         return dict(zip(RUN_SYMBOLS, (time, m.distance(time), m.speed(time), m.rate(time)), strict=True))
 
@@ -137,8 +161,9 @@ class Problem:
 
     def _steps(self, grid: Grid, part: slice = slice(None)) -> StepTables:
         program = self.program
-        ends = [self._at(program.coefficients, grid.run_values(end))[part] for end in (False, True)]
-        kicks = [self._noise(grid.run_values(end))[part] for end in (False, True)]
+        runs = [grid.run_values(end) for end in (False, True)]
+        ends = [self._at(program.coefficients, {**run, **self._gains(run[TIME])})[part] for run in runs]
+        kicks = [self._noise(run)[part] for run in runs]
         return StepTables(
             S=np.ascontiguousarray(ends[0]),
             E=np.ascontiguousarray(ends[1]),
@@ -147,6 +172,13 @@ class Problem:
             q=numeric(program.constants, self.values, self.elements),
             T=program.table,
         )
+
+    def _gains(self, time: np.ndarray) -> dict[sp.Symbol, np.ndarray]:
+        """Gains of the twin at given times, by the symbols that stand for them."""
+        if self.twin is None or self.twin_rider is None:
+            return {}
+        N, g = self.twin.linearised(time)
+        return {s: g[:, a] if b < 0 else N[:, a, b] for (a, b), s in self.twin_rider.entries.items()}
 
     def _at(self, expressions: Any, run: Mapping[sp.Symbol, np.ndarray]) -> np.ndarray:
         return numeric(expressions, {**self.values, **run}, self.elements)
@@ -166,7 +198,7 @@ class Problem:
 
     def _start(self, ground: tuple[np.ndarray, ...] = ()) -> StartTables:
         system, nv = self.system, self.system.vehicle_size
-        run = self._run_values(np.zeros(1))
+        run = self.run_values(np.zeros(1))
         known = {**self.values, **{symbol: float(value[0]) for symbol, value in run.items()}}
         spread = numeric(list(system.initial_covariance), known, self.elements).reshape(1, nv, nv)
         linear = numeric(list(system.initial_map), known, self.elements).reshape(nv, -1)
@@ -181,7 +213,7 @@ class Problem:
 
     def _outputs(self, grid: Grid) -> OutputTables:
         program = self.program
-        run = self._run_values(grid.time[grid.output])
+        run = self.run_values(grid.time[grid.output])
         return OutputTables(
             node=grid.output.astype(np.int64),
             rows=len(self.names) + len(program.starts) - self.system.vehicle_size,

@@ -74,6 +74,7 @@ class Shared:
     coefficients: dict[sp.Basic, int] = field(default_factory=dict)  # in time, distance, speed as well
     curves: dict[sp.Basic, tuple[int, int]] = field(default_factory=dict)  # first place, breakpoints
     tables: list[np.ndarray] = field(default_factory=list)
+    along_run: set[sp.Basic] = field(default_factory=lambda: set(RUN_SYMBOLS))  # known at each step, for all paths
 
     def curve(self, lookup: Lookup) -> tuple[int, int]:
         """First place of the curve in the joined tables, and its number of breakpoints."""
@@ -224,7 +225,7 @@ class Emitter:
                 level = _PATH
             elif isinstance(node, sp.Number | sp.NumberSymbol | BooleanAtom):
                 level = _NUMBER
-            elif node in RUN_SYMBOLS:
+            elif node in self.shared.along_run:
                 level = _RUN
             else:
                 # An element may hold the time: a call of it changes along the run at least.

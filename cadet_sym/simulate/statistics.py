@@ -13,7 +13,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-__all__ = ["Moments", "StepError", "alive", "interval_factor", "moments_of", "step_error_of"]
+__all__ = ["Estimates", "Moments", "StepError", "alive", "interval_factor", "moments_of", "step_error_of"]
 
 _BEYOND = 1e60  # a path that goes so far has diverged; fourth powers are still finite
 
@@ -125,6 +125,16 @@ def moments_of(records: np.ndarray, states: int) -> Moments:
         fourth=(square * square).sum(axis=2),
         product=np.einsum("tap,tbp->tab", s, s),
     )
+
+
+@dataclass(frozen=True)
+class Estimates:
+    """Mean and variance of k quantities with their standard errors, (times, k) each."""
+
+    mean: np.ndarray
+    variance: np.ndarray
+    mean_standard_error: np.ndarray
+    variance_standard_error: np.ndarray
 
 
 @dataclass(frozen=True)

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from time import perf_counter
 
 import numpy as np
 
+from cadet_sym.simulate.control import control_tallies, controlled_step
 from cadet_sym.simulate.plan import Problem
-from cadet_sym.simulate.statistics import StepError, moments_of, step_error_of
+from cadet_sym.simulate.statistics import Moments, StepError, moments_of, step_error_of
 from cadet_sym.simulate.workers import records_in_parts, records_of
 
-__all__ = ["Chosen", "choose_step"]
+__all__ = ["Chosen", "Precision", "choose_step"]
 
 _PAIRS = (256, 4096)  # least and most paths that are computed with a step and with half of it: else an eighth
 _VEHICLE, _GROUND = 0.05, 0.3  # first choice: step times the fastest rate of each
@@ -27,19 +29,35 @@ _RUN_IN = 7.0  # time constants of the slowest mode
 
 
 @dataclass(frozen=True)
+class Precision:
+    """How exact the moments will be: by the number of paths, or by the half-width wanted of their limits."""
+
+    paths: int
+    target: float | None = None  # half-width of a variance's limits over the variance, of a mean's over the std
+    factor: float = 1.0  # half-width of the limits over the standard error
+
+    def sampling(self, spread: np.ndarray, variance: np.ndarray) -> np.ndarray:
+        """Standard errors to come (2, times, k) of mean and variance, from the spread of one path's part in them."""
+        if self.target is None:
+            return spread / math.sqrt(self.paths)
+        return self.target / self.factor * np.stack([np.sqrt(variance), variance])
+
+
+@dataclass(frozen=True)
 class Chosen:
     """A time step with its error, and how it came about."""
 
     step: float
-    error: StepError | None
     run_in: float
-    reached: bool  # whether the error is small beside the sampling error
-    seconds: dict[str, float]
+    error: StepError | None = None
+    reference: Moments | None = None  # of the paths that showed the error
+    reached: bool = True  # whether the error is small beside the sampling error
+    seconds: Mapping[str, float] = field(default_factory=dict)
 
 
 def choose_step(
     problem: Problem,
-    paths: int,
+    precision: Precision,
     seed: int,
     step: float | None,
     run_in: float | None,
@@ -55,29 +73,24 @@ def choose_step(
     fixed = step is not None
     step = step if step is not None else first_step(problem)
     if not check:
-        return Chosen(step, None, before, True, {})
-    pairs = min(max(paths // 8, _PAIRS[0]), _PAIRS[1])
+        return Chosen(step, before)
+    pairs = min(max(precision.paths // 8, _PAIRS[0]), _PAIRS[1])
     seconds = {"compiling": _compile(problem, step, before, engine)}
     began = perf_counter()
     trials: list[_Trial] = []
     while True:
-        trials.append(_try(problem, step, before, engine, seed, pairs, paths))
+        trials.append(_try(problem, step, before, engine, seed, pairs, precision))
         last = trials[-1]
         no_better = len(trials) > 1 and last.excess > trials[-2].excess / _HOPELESS
-        if (
-            last.excess <= 1.0
-            or no_better
-            or fixed
-            or len(trials) == _TRIALS
-            or last.step < _SHORTEST * problem.times[-1]
-        ):
+        enough = last.excess <= 1.0 or fixed or len(trials) == _TRIALS
+        if enough or no_better or last.step < _SHORTEST * problem.times[-1]:
             break
         # The error falls with the first or second power of the step.
         step = last.step / min(8.0, max(2.0, last.excess**0.75))
     # Where a shorter step makes pairs no closer, the longest will do whose error does not show.
     best = next((trial for trial in trials if min(trial.excess, trial.bias) <= 1.0), last) if no_better else last
     seconds["step"] = perf_counter() - began
-    return Chosen(best.step, best.error, before, min(best.excess, best.bias) <= 1.0, seconds)
+    return Chosen(best.step, before, best.error, best.moments, min(best.excess, best.bias) <= 1.0, seconds)
 
 
 @dataclass(frozen=True)
@@ -86,16 +99,26 @@ class _Trial:
 
     step: float
     error: StepError
+    moments: Moments
     excess: float
     bias: float
 
 
-def _try(problem: Problem, step: float, before: float, engine: str, seed: int, pairs: int, paths: int) -> _Trial:
+def _try(
+    problem: Problem, step: float, before: float, engine: str, seed: int, pairs: int, precision: Precision
+) -> _Trial:
     plan, grid = problem.plan(step, before, paired=True)
-    fine, coarse = records_in_parts(plan, engine, seed, pairs)
-    error = step_error_of(coarse, fine)
-    system = problem.system
-    return _Trial(float(grid.step.max()), error, *_excess(fine, error, paths, len(system.states), system.vehicle_size))
+    records = records_in_parts(plan, engine, seed, pairs)
+    fine, coarse = (each[:, : problem.quantities] for each in records)
+    error, moments = step_error_of(coarse, fine), moments_of(fine, len(problem.system.states))
+    if error.paths < 0.5 * pairs:
+        return _Trial(float(grid.step.max()), error, moments, math.inf, math.inf)
+    spread = math.sqrt(pairs) * np.stack([moments.mean_standard_error, moments.variance_standard_error])
+    controls = control_tallies(problem, moments)
+    if controls:
+        error, spread = controlled_step(controls, records[1], records[0], error, spread)
+    allowed = _PART * precision.sampling(spread, moments.variance)
+    return _Trial(float(grid.step.max()), error, moments, *_excess(problem, error, moments, allowed))
 
 
 def _compile(problem: Problem, step: float, before: float, engine: str) -> float:
@@ -114,26 +137,22 @@ def first_step(problem: Problem) -> float:
     return max(min(limits), 10.0 * _SHORTEST * problem.times[-1])
 
 
-def _excess(records: np.ndarray, error: StepError, paths: int, n: int, vehicle: int) -> tuple[float, float]:
+def _excess(problem: Problem, error: StepError, moments: Moments, allowed: np.ndarray) -> tuple[float, float]:
     """Step error over what is allowed, for the worst quantity and time: with its doubt, and where it stands out of it.
 
     Filter states are exact and not looked at.
     """
-    if error.paths < 0.5 * records.shape[2]:
-        return math.inf, math.inf
-    moments = moments_of(records, n)
-    variance = moments.variance
-    size = np.sqrt(np.nanmean(moments.mean**2 + variance, axis=0))
-    spread = moments.variance_standard_error * math.sqrt(records.shape[2] / paths)
-    judged = np.r_[0:vehicle, n : records.shape[1]]
+    n, vehicle = len(problem.system.states), problem.system.vehicle_size
+    judged = np.r_[0:vehicle, n : problem.quantities]
+    size = np.sqrt(np.nanmean(moments.mean**2 + moments.variance, axis=0))
     excess = bias = 0.0
-    for found, doubt, sampling, floor in (
-        (error.mean, error.mean_standard_error, np.sqrt(variance / paths), size),
-        (error.variance, error.variance_standard_error, spread, size**2),
+    for found, doubt, limit, floor in (
+        (error.mean, error.mean_standard_error, allowed[0], size),
+        (error.variance, error.variance_standard_error, allowed[1], size**2),
     ):
-        allowed = np.hypot(_PART * sampling, _FLOOR * floor)[:, judged]
-        there = allowed > 0.0
-        found, doubt = (part[:, judged][there] / allowed[there] for part in (np.abs(found), doubt))
+        limit = np.hypot(limit, _FLOOR * floor)[:, judged]
+        there = limit > 0.0
+        found, doubt = (part[:, judged][there] / limit[there] for part in (np.abs(found), doubt))
         excess = max(excess, float(np.hypot(found, doubt).max(initial=0.0)))
         bias = max(bias, float(np.where(found > _STANDS_OUT * doubt, found, 0.0).max(initial=0.0)))
     return excess, bias

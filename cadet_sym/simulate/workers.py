@@ -16,8 +16,9 @@ import numpy as np
 from cadet_sym.simulate.plan import Plan
 from cadet_sym.simulate.statistics import Moments, alive, moments_of
 from cadet_sym.simulate.streams import Streams
+from cadet_sym.simulate.tallies import Tally
 
-__all__ = ["GroupResult", "group_size", "records_in_parts", "records_of", "run_groups"]
+__all__ = ["GroupResult", "Task", "group_size", "records_in_parts", "records_of", "run_groups"]
 
 _GROUP_VALUES = 1 << 20  # recorded numbers that a group may hold in memory
 _LARGEST_GROUP = 1024
@@ -32,6 +33,29 @@ class GroupResult:
     moments: Moments
     diverged: int
     kept: np.ndarray  # (kept paths, times, k)
+    sums: tuple[np.ndarray, ...]  # of every tally
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is done with every group."""
+
+    plan: Plan
+    engine: str
+    seed: int
+    states: int
+    quantities: int  # rows of the records that have moments: states and outputs
+    keep: int
+    tallies: tuple[Tally, ...] = ()
+
+    def group(self, first: int, count: int) -> GroupResult:
+        """Work out the paths first .. first + count - 1."""
+        records, _ = records_of(self.plan, self.engine, self.seed, first, count)
+        lost = int(np.count_nonzero(~alive(records[-1:])))
+        wanted = records[:, : self.quantities]
+        kept = np.moveaxis(wanted[:, :, : max(0, min(count, self.keep - first))], -1, 0).copy()
+        sums = tuple(tally.sums(records, first) for tally in self.tallies)
+        return GroupResult(count, moments_of(wanted, self.states), lost, kept, sums)
 
 
 def group_size(times: int, rows: int) -> int:
@@ -68,34 +92,17 @@ def records_in_parts(plan: Plan, engine: str, seed: int, count: int) -> tuple[np
     return tuple(np.concatenate([each[k] for each in found], axis=-1) for k in (0, 1))  # type: ignore[return-value]
 
 
-def _group(plan: Plan, engine: str, seed: int, first: int, count: int, states: int, keep: int) -> GroupResult:
-    records, _ = records_of(plan, engine, seed, first, count)
-    lost = int(np.count_nonzero(~alive(records[-1:])))
-    kept = np.moveaxis(records[:, :, : max(0, min(count, keep - first))], -1, 0).copy()
-    return GroupResult(count, moments_of(records, states), lost, kept)
-
-
-def run_groups(
-    plan: Plan,
-    engine: str,
-    seed: int,
-    paths: int,
-    states: int,
-    keep: int,
-    executor: Executor | None,
-    threads: int | None,
-) -> Iterator[GroupResult]:
+def run_groups(task: Task, paths: range, executor: Executor | None, threads: int | None) -> Iterator[GroupResult]:
     """Yield the results of all groups in the order of their paths, with a bounded number under way."""
-    size = group_size(len(plan.out.node), plan.out.rows)
-    jobs = [(first, min(size, paths - first)) for first in range(0, paths, size)]
+    size = group_size(len(task.plan.out.node), task.plan.out.rows)
     workers = threads or os.cpu_count() or 1
     held = nullcontext(executor) if executor is not None else ThreadPoolExecutor(workers)
     with held as pool:
         assert pool is not None
         submit: Callable[..., Any] = pool.submit
         under_way: deque[Any] = deque()
-        for first, count in jobs:
-            under_way.append(submit(_group, plan, engine, seed, first, count, states, keep))
+        for first in paths[::size]:
+            under_way.append(submit(task.group, first, min(size, paths.stop - first)))
             if len(under_way) > 2 * workers:
                 yield under_way.popleft().result()
         while under_way:

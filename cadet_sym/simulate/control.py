@@ -1,0 +1,232 @@
+"""Control variates: the moments of the paths with the help of the quasi-linear twin's, which are known.
+
+For a quantity X along the direction w of the augmented state, X = w.x or nearly, the twin gives u = w.(y - m),
+Gaussian of known variance p, and q (see `riders`). These have mean zero:
+
+    u,   q,   u^2 - p,   u q,   u^3 - 3 p u,   u^4 - 6 p u^2 + 3 p^2,
+
+and X - E[X] is close to u + q. X and X^2 are regressed on them, and
+
+    E[X] = mean(X) - beta . mean(controls),      E[X^2] likewise,      Var[X] = E[X^2] - E[X]^2.
+
+Paths are dealt out to `BATCHES` batches in turn; standard errors, and the bias of the regression, come from leaving out
+one batch at a time (jackknife), never from the regression itself.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import sympy as sp
+
+from cadet_sym.simulate.plan import Problem
+from cadet_sym.simulate.program import numeric
+from cadet_sym.simulate.riders import is_affine
+from cadet_sym.simulate.statistics import Moments, StepError, alive
+
+__all__ = ["ControlTally", "Controlled", "control_tallies"]
+
+BATCHES = 40
+_PER_DIRECTION = 6
+_MOST_DIRECTIONS = 4  # for an output that is not linear: as many of the states in it as have a twin
+_RANK = 1e-10  # of the largest eigenvalue of the controls' correlation: smaller ones carry nothing
+_ALARM = 6.0  # standard errors by which a control's mean may differ from zero
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A direction of the augmented state along which a quantity follows its twin."""
+
+    weights: np.ndarray  # (times, n)
+    mean: np.ndarray  # (times,) w.m
+    spread: np.ndarray  # (times,) sqrt(w P w)
+
+
+@dataclass(frozen=True)
+class Controlled:
+    """Estimates of one quantity by control variates, (times,) each."""
+
+    mean: np.ndarray
+    variance: np.ndarray
+    mean_standard_error: np.ndarray
+    variance_standard_error: np.ndarray
+    alarm: float  # largest distance of a control's mean from zero, in its standard errors
+
+    @property
+    def trusted(self) -> bool:
+        """Whether the controls have the means that they should have."""
+        return self.alarm < _ALARM
+
+
+@dataclass(frozen=True)
+class ControlTally:
+    """Sums of products of (1, X, X^2, controls), a batch and a time each: all that the estimates need.
+
+    X is taken about `centre` in units of `unit`, near the mean and the standard deviation, so that nothing cancels.
+    """
+
+    target: int  # row of the records
+    directions: tuple[Direction, ...]
+    centre: np.ndarray  # (times,)
+    unit: np.ndarray  # (times,)
+    states: int  # augmented states: the first rows of the records
+    vehicle: int
+    twin: int  # first row of the twin's y; q follows
+
+    @property
+    def size(self) -> int:
+        """Entries of the vector whose products are summed."""
+        return 3 + _PER_DIRECTION * len(self.directions)
+
+    def sums(self, records: np.ndarray, first: int) -> np.ndarray:
+        """(batches, times, size, size), from records (times, rows, paths) that begin with path number `first`."""
+        v = self._vectors(records)
+        total = np.zeros((BATCHES, len(v), self.size, self.size))
+        for lag in range(min(BATCHES, v.shape[2])):
+            part = v[:, :, lag::BATCHES]
+            total[(first + lag) % BATCHES] = np.einsum("tap,tbp->tab", part, part)
+        return total
+
+    def _vectors(self, records: np.ndarray) -> np.ndarray:
+        """(times, size, paths): 1, X, X^2 and the controls, zero for paths that diverged."""
+        X = (records[:, self.target] - self.centre[:, None]) / self.unit[:, None]
+        rows = [np.ones_like(X), X, X * X]
+        ground = records[:, self.vehicle : self.states]
+        y, q = (records[:, self.twin + k * self.vehicle :][:, : self.vehicle] for k in (0, 1))
+        for d in self.directions:
+            scale = np.where(d.spread > 0.0, d.spread, np.inf)[:, None]
+            of_vehicle, of_ground = d.weights[:, : self.vehicle], d.weights[:, self.vehicle :]
+            u = np.einsum("ta,tap->tp", of_vehicle, y) + np.einsum("ta,tap->tp", of_ground, ground)
+            u = (u - d.mean[:, None]) / scale
+            v = np.einsum("ta,tap->tp", of_vehicle, q) / scale
+            one = np.where(np.isfinite(scale), 1.0, 0.0)
+            rows += [u, v, u * u - one, u * v, u**3 - 3.0 * u, u**4 - 6.0 * u * u + 3.0 * one]
+        vectors = np.stack(rows, axis=1)
+        return np.where(alive(records)[:, None, :], vectors, 0.0)
+
+    def left_over(self, coarse: np.ndarray, fine: np.ndarray) -> np.ndarray:
+        """What the controls leave of one path's part in mean and variance, for two records of the same paths.
+
+        Returns
+        -------
+        (2, 2, times, paths) : of mean and variance, of coarse and fine; in units of `unit` and its square.
+        """
+        means, beta = _regression(self.sums(fine, 0).sum(axis=0))
+        left = []
+        for records in (coarse, fine):
+            v = self._vectors(records)
+            first, second = np.moveaxis(v[:, 1:3] - np.einsum("tac,tap->tcp", beta, v[:, 3:]), 1, 0)
+            left.append(np.stack([first, second - 2.0 * means[:, :1] * first]))
+        return np.stack(left, axis=1)
+
+    def estimate(self, sums: np.ndarray) -> Controlled:
+        """Mean and variance with their standard errors, from the sums of all paths."""
+        whole = sums.sum(axis=0)
+        together = np.concatenate([whole[None], whole[None] - sums])
+        theta = _estimates(together)  # (1 + batches, 2, times)
+        rest = theta[1:]
+        centre = rest.mean(axis=0)
+        error = np.sqrt((BATCHES - 1) / BATCHES * np.sum((rest - centre) ** 2, axis=0))
+        best = BATCHES * theta[0] - (BATCHES - 1) * centre
+        n = np.maximum(whole[:, 0, 0], 2.0)[:, None]
+        means = whole[:, 0, 3:] / n
+        spreads = np.sqrt(np.maximum(np.diagonal(whole, axis1=1, axis2=2)[:, 3:] / n - means**2, 0.0) / n)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            off = np.where(spreads > 0.0, np.abs(means) / spreads, 0.0)
+        return Controlled(
+            mean=self.centre + self.unit * best[0],
+            variance=self.unit**2 * best[1],
+            mean_standard_error=self.unit * error[0],
+            variance_standard_error=self.unit**2 * error[1],
+            alarm=float(off.max(initial=0.0)),
+        )
+
+
+def _regression(sums: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Means (..., times, size - 1) and coefficients (..., times, controls, 2) of X and X^2 on the controls."""
+    n = np.maximum(sums[..., 0, 0], 1.0)
+    means = sums[..., 0, 1:] / n[..., None]
+    covariance = sums[..., 1:, 1:] / n[..., None, None] - means[..., :, None] * means[..., None, :]
+    spread = np.sqrt(np.maximum(np.diagonal(covariance, axis1=-2, axis2=-1), 0.0))
+    scale = np.where(spread > 0.0, spread, 1.0)
+    correlation = covariance / scale[..., :, None] / scale[..., None, :]
+    lead, vectors = np.linalg.eigh(correlation[..., 2:, 2:])
+    usable = lead > _RANK * np.maximum(lead[..., -1:], 1e-300)
+    inverse = np.where(usable, 1.0 / np.where(usable, lead, 1.0), 0.0)
+    along = np.einsum("...ak,...ac->...kc", vectors, correlation[..., 2:, :2])
+    beta = np.einsum("...ak,...kc->...ac", vectors, inverse[..., None] * along)
+    return means, beta * scale[..., None, :2] / scale[..., 2:, None]
+
+
+def _estimates(sums: np.ndarray) -> np.ndarray:
+    """E[X] and Var[X], (..., 2, times), from sums (..., times, size, size)."""
+    means, beta = _regression(sums)
+    first, second = np.moveaxis(means[..., :2] - np.einsum("...ac,...a->...c", beta, means[..., 2:]), -1, 0)
+    return np.stack([first, second - first**2], axis=-2)
+
+
+def control_tallies(problem: Problem, reference: Moments) -> tuple[ControlTally, ...]:
+    """A tally for every vehicle state and output, taken about the moments of some paths."""
+    twin, system = problem.twin, problem.system
+    if twin is None:
+        return ()
+    n, nv = len(system.states), system.vehicle_size
+    shape = (len(problem.times), n)
+    units = [np.broadcast_to(row, shape) for row in np.eye(n)]
+    along = [(k, [units[k]]) for k in range(nv)]
+    known = {**problem.values, **problem.run_values(problem.times)}
+    for row, expression in enumerate(system.outputs.values(), n):
+        seen = [b for b, s in enumerate(system.states) if s in expression.free_symbols]
+        if is_affine(expression, system.states):
+            weights = np.zeros(shape)
+            weights[:, seen] = numeric([sp.diff(expression, system.states[b]) for b in seen], known, problem.elements)
+            along.append((row, [weights]))
+        else:
+            along.append((row, [units[b] for b in seen[:_MOST_DIRECTIONS]]))
+    std = np.sqrt(reference.variance)
+    return tuple(
+        ControlTally(
+            target=row,
+            directions=tuple(_direction(w, twin.mean, twin.covariance) for w in weights),
+            centre=reference.mean[:, row],
+            unit=np.where(std[:, row] > 0.0, std[:, row], 1.0),
+            states=n,
+            vehicle=nv,
+            twin=problem.first_row(problem.twin_rider),
+        )
+        for row, weights in along
+    )
+
+
+def _direction(weights: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> Direction:
+    spread = np.einsum("ta,tab,tb->t", weights, covariance, weights)
+    return Direction(weights, np.einsum("ta,ta->t", weights, mean), np.sqrt(np.maximum(spread, 0.0)))
+
+
+def controlled_step(
+    tallies: tuple[ControlTally, ...], coarse: np.ndarray, fine: np.ndarray, error: StepError, spread: np.ndarray
+) -> tuple[StepError, np.ndarray]:
+    """Step error and spread of what the controls leave, in the place of those of the plain records.
+
+    Parameters
+    ----------
+    spread : (2, times, k) standard deviations of one path's part in a mean and in a variance.
+    """
+    parts = {name: getattr(error, name).copy() for name in _PARTS}
+    spread = spread.copy()
+    for tally in tallies:
+        left = tally.left_over(coarse, fine)  # (2 of mean and variance, 2 of coarse and fine, times, pairs)
+        there = np.isfinite(left).all(axis=(0, 1, 2))
+        difference = (left[:, 0] - left[:, 1])[..., there]
+        per = 2.0 / math.sqrt(max(int(there.sum()), 1))
+        for k, power in ((0, 1), (1, 2)):
+            unit = tally.unit**power
+            parts[_PARTS[k]][:, tally.target] = 2.0 * unit * difference[k].mean(axis=-1)
+            parts[_PARTS[2 + k]][:, tally.target] = per * unit * difference[k].std(axis=-1)
+            spread[k, :, tally.target] = unit * left[k, 1][..., there].std(axis=-1)
+    return StepError(**parts, paths=error.paths), spread
+
+
+_PARTS = ("mean", "variance", "mean_standard_error", "variance_standard_error")
