@@ -65,7 +65,7 @@ def frame(problem: FrozenProblem, start: Array | None = None) -> Frame:
     basis, drift, offset = np.eye(n), np.zeros((n, 0)), np.zeros(n)
     form = decompose(rest.A)
     # Four integrators in a row have computed eigenvalues that are no smaller than this.
-    if np.abs(form.eigenvalues.real).min() <= 1e-3 * np.abs(form.eigenvalues).max():
+    if np.abs(np.real(form.eigenvalues)).min() <= 1e-3 * np.abs(form.eigenvalues).max():
         conserved = _conserved(rest)
         if start is not None:
             offset = conserved @ (conserved.T @ (start / unit))
@@ -103,7 +103,7 @@ def drifting_directions(problem: FrozenProblem) -> Array:
     marginal = np.zeros((n, 0))
     while marginal.shape[1] < n:  # ker A, ker A^2, ...: what A sends into what is already found
         rest = _complement(marginal, n)
-        more = _kernel(rest.T @ A @ rest, np.linalg.norm(A, 2))
+        more = _kernel(rest.T @ A @ rest, float(np.linalg.norm(A, 2)))
         if not more.shape[1]:
             break
         marginal = np.hstack([marginal, rest @ more])
@@ -128,7 +128,7 @@ def _unseen(A: Array, C: Array) -> Array:
     """Orthonormal basis (n, q) of the largest subspace that A maps into itself and C to zero."""
     basis = np.eye(len(A))
     seen = C
-    size = max(np.linalg.norm(C, 2) if C.size else 0.0, 1e-300)
+    size = max(float(np.linalg.norm(C, 2)) if C.size else 0.0, 1e-300)
     while basis.shape[1]:
         smaller = basis @ _kernel(seen @ basis, size)
         if smaller.shape[1] == basis.shape[1]:
@@ -136,7 +136,7 @@ def _unseen(A: Array, C: Array) -> Array:
         basis = smaller
         # next: what A moves out of the subspace
         seen = (np.eye(len(A)) - basis @ basis.T) @ A
-        size = max(np.linalg.norm(A, 2), 1e-300)
+        size = max(float(np.linalg.norm(A, 2)), 1e-300)
     return basis
 
 
@@ -159,7 +159,7 @@ def _kernel(matrix: Array, size: float) -> Array:
     rank = int(np.sum(values > RANK * size))
     basis = np.zeros((n, n - rank))
     basis[np.flatnonzero(zero), np.arange(zero.sum())] = 1.0
-    basis[np.ix_(busy, range(int(zero.sum()), n - rank))] = rows[rank:].T
+    basis[busy, int(zero.sum()) :] = rows[rank:].T
     return basis
 
 
@@ -181,7 +181,7 @@ def short_run_covariance(form: ModalForm | SchurForm, D: Array) -> Array:
     """P that the linear part builds up in a few of its shortest time constants, (n, n): positive semidefinite."""
     rates = form.eigenvalues
     fastest = np.abs(rates).max(initial=0.0)
-    shift = max(0.0, float(rates.real.max(initial=0.0))) + (0.1 * fastest or 1.0)
+    shift = max(0.0, float(np.real(rates).max(initial=0.0))) + (0.1 * fastest or 1.0)
     P = form.leave(form.divide(form.enter(D), 2 * shift))
     return 0.5 * (P + P.T)
 

@@ -52,11 +52,11 @@ class ModalForm:
 
     def leave(self, X: Array) -> Array:
         """V X~ V^T, real."""
-        return self.basis @ self._join(self._join(X).T).T.real @ self.basis.T
+        return self.basis @ np.real(self._join(self._join(X).T).T) @ self.basis.T
 
     def leave_vector(self, x: Array) -> Array:
         """V x~, real."""
-        return self.basis @ self._join(x).real
+        return self.basis @ np.real(self._join(x))
 
     def denominators(self, shift: complex = 0.0) -> Array:
         """l_p + l_q - shift (n, n); a vanishing one is replaced by the smallest that is safe to divide by."""
@@ -88,12 +88,12 @@ class ModalForm:
         """X of N^T X + X N = -R, (n, n) real."""
         inside = self._split_adjoint(self._split_adjoint(self.basis.T @ R @ self.basis).T).T
         X = inside / -self.denominators()
-        return self.inverse.T @ self._join_adjoint(self._join_adjoint(X).T).T.real @ self.inverse
+        return self.inverse.T @ np.real(self._join_adjoint(self._join_adjoint(X).T).T) @ self.inverse
 
     def adjoint_vector(self, x: Array) -> Array:
         """N^-T x of a vector (n,)."""
         inside = self._split_adjoint((self.basis.T @ x)[:, None])
-        return (self.inverse.T @ self._join_adjoint(self.divide_vector(inside)).real)[:, 0]
+        return (self.inverse.T @ np.real(self._join_adjoint(self.divide_vector(inside))))[:, 0]
 
     @cached_property
     def _tiny(self) -> float:
@@ -269,5 +269,5 @@ def _floored(values: Array, tiny: float) -> Array:
     """Move what is closer to zero than tiny to tiny, keeping the sign of the real part."""
     small = np.abs(values) < tiny
     if small.any():
-        values = np.where(small, np.where(values.real > 0, tiny, -tiny), values)
+        values = np.where(small, np.where(np.real(values) > 0, tiny, -tiny), values)
     return values

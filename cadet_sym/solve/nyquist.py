@@ -68,7 +68,7 @@ class Response:
     def fractions(self) -> tuple[Array, Array]:
         """Poles of Y that matter, (q,), and their residues, (q, (T - K) K)."""
         residues = (self.seen[:, :, None] * self.kicks[:, None, :]).reshape(len(self.sums), -1)
-        peak = np.abs(residues).max(axis=1) / np.maximum(np.abs(self.sums.real), 1e-300)
+        peak = np.abs(residues).max(axis=1) / np.maximum(np.abs(np.real(self.sums)), 1e-300)
         keep = peak > 1e-12 * peak.sum()
         return self.sums[keep], residues[keep]
 
@@ -120,38 +120,36 @@ class Response:
         return np.linalg.det(self(np.atleast_1d(s)))
 
     @cached_property
-    def weights(self) -> tuple[Array, Array]:
-        """What each pole of Y and of m can at most add to an entry of the feedback along the imaginary axis."""
-        slope = np.abs(self.at.gain_slope)
+    def peaks(self) -> tuple[Array, Array]:
+        """What each pole can at most add along the imaginary axis to Y, (q, T - K, K), and to m, (n, K, T - K)."""
+        K = len(self.at.problem.C)
+        Y, m = (np.abs(r) / np.abs(np.real(poles))[:, None] for poles, r in (self.fractions, self.singles))
+        return Y.reshape(len(Y), -1, K), m.reshape(len(m), K, -1)
+
+    def weights(self) -> Array:
+        """What each pole, those of Y first, can at most add to an entry of the feedback along the imaginary axis."""
+        slope, (Y, m) = np.abs(self.at.gain_slope), self.peaks
         K = slope.shape[0]
-        (poles, residues), (single, others) = self.fractions, self.singles
-        Y = np.abs(residues) / np.abs(poles.real)[:, None]
-        m = np.abs(others) / np.abs(single.real)[:, None]
-        whole_Y, whole_m = Y.sum(axis=0).reshape(-1, K), m.sum(axis=0).reshape(K, -1)
-        gain = slope[:, K:] + slope[:, :K] @ whole_m
-        of_Y = np.max(gain @ Y.reshape(len(Y), -1, K), axis=(1, 2), initial=0.0)
-        of_m = np.max(slope[:, :K] @ m.reshape(len(m), K, -1) @ whole_Y, axis=(1, 2), initial=0.0)
-        return of_Y, of_m
+        parts = (slope[:, K:] + slope[:, :K] @ m.sum(axis=0)) @ Y, slope[:, :K] @ m @ Y.sum(axis=0)
+        return np.concatenate([part.max(axis=(1, 2), initial=0.0) for part in parts])
 
     def bound(self) -> float:
         """An upper bound of the spectral radius of the feedback along the imaginary axis; below one it is stable."""
         if self.at.problem.tracks:
             return np.inf
-        slope = np.abs(self.at.gain_slope)
+        slope, (Y, m) = np.abs(self.at.gain_slope), self.peaks
         K = slope.shape[0]
-        (poles, residues), (single, others) = self.fractions, self.singles
-        Y = np.sum(np.abs(residues) / np.abs(poles.real)[:, None], axis=0).reshape(-1, K)
-        m = np.sum(np.abs(others) / np.abs(single.real)[:, None], axis=0).reshape(K, -1)
-        return float(np.abs(np.linalg.eigvals((slope[:, K:] + slope[:, :K] @ m) @ Y)).max(initial=0.0))
+        feedback = (slope[:, K:] + slope[:, :K] @ m.sum(axis=0)) @ Y.sum(axis=0)
+        return float(np.abs(np.linalg.eigvals(feedback)).max(initial=0.0))
 
     def frequencies(self) -> Array:
         """Where to look at f(i omega) first: zero, around the poles that can turn it, and far out, ascending."""
         poles = np.concatenate([self.fractions[0], self.singles[0]])
-        weights = np.concatenate(self.weights)
+        weights = self.weights()
         chosen = np.argsort(-weights)[:STRONG]
         near = poles[chosen[weights[chosen] > WEAK]]
-        around = np.abs(near.imag) + np.abs(near.real) * np.array([-2.0, -0.7, 0.0, 0.7, 2.0])[:, None]
-        rates = np.abs(self.form.eigenvalues.real).min(), np.abs(self.form.eigenvalues).max()
+        around = np.abs(np.imag(near)) + np.abs(np.real(near)) * np.array([-2.0, -0.7, 0.0, 0.7, 2.0])[:, None]
+        rates = np.abs(np.real(self.form.eigenvalues)).min(), np.abs(self.form.eigenvalues).max()
         every = np.concatenate([[0.0], around.ravel(), np.geomspace(1e-2 * rates[0], 1e3 * rates[1], 40)])
         return np.unique(every[every >= 0])
 
@@ -198,8 +196,8 @@ def rightmost(response: Response, stable: bool) -> complex:
     coordinates: one application costs O(n^2). If the count says unstable and that finds nothing unstable, the zeros
     of f are looked for from the points where its curve comes closest to zero.
     """
-    slow = response.form.eigenvalues[np.argsort(-response.form.eigenvalues.real)][:4]
-    shifts = np.unique(np.round(np.concatenate([[0.0], np.abs(slow.imag), 2 * np.abs(slow.imag)]), 12))
+    slow = response.form.eigenvalues[np.argsort(-np.real(response.form.eigenvalues))][:4]
+    shifts = np.unique(np.round(np.concatenate([[0.0], np.abs(np.imag(slow)), 2 * np.abs(np.imag(slow))]), 12))
     found = [value for omega in shifts[:5] for value in _eigenvalues_near(response, 1j * omega)]
     if not stable:
         found += _real_zeros(response)
@@ -252,7 +250,7 @@ def _real_zeros(response: Response) -> list[complex]:
 
     rates = np.abs(response.form.eigenvalues)
     grid = np.geomspace(1e-6 * rates.min(), 1e3 * rates.max(), 400)
-    value = response.determinant(grid + 0j).real
+    value = np.real(response.determinant(grid + 0j))
     changes = np.flatnonzero(np.sign(value[1:]) != np.sign(value[:-1]))
 
     def f(s: float) -> float:
@@ -267,7 +265,7 @@ def _zeros(response: Response) -> list[complex]:
     size = np.abs(value)
     dips = np.flatnonzero((size <= np.append(size[1:], np.inf)) & (size <= np.insert(size[:-1], 0, np.inf)))
     dips = dips[np.argsort(size[dips])][:6]
-    scale = np.abs(response.form.eigenvalues.real).min()
+    scale = np.abs(np.real(response.form.eigenvalues)).min()
     starts = [1j * omega[i] + side * scale for i in dips for side in (0.3, 0.0, 3.0, -0.3)]
     found = (_secant(response, start, 1e-3 * scale) for start in starts)
     return [zero for zero in found if zero is not None]

@@ -69,7 +69,7 @@ def stability(lin: LinearisedMoments) -> Stability:
 
 
 def _from_the_right(values: Array) -> Array:
-    return values[np.argsort(-values.real, kind="stable")].astype(complex)
+    return values[np.argsort(-np.real(values), kind="stable")].astype(complex)
 
 
 def moment_jacobian(at: Evaluation) -> Array:

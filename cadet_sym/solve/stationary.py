@@ -192,7 +192,7 @@ def _blame(view: Frame, at: Evaluation) -> tuple[str, complex]:
     """The slowest or growing mode where the search ended, in words, and its eigenvalue."""
     N = at.N if np.isfinite(at.N).all() else view.problem.A
     values, vectors = np.linalg.eig(N)
-    worst = int(np.argmax(values.real))
+    worst = int(np.argmax(np.real(values)))
     value = complex(values[worst])
     names = view.states
     share = np.abs(view.right @ (vectors[:, worst] * np.sqrt(np.maximum(np.diag(at.covariance), 1e-300))))
