@@ -11,6 +11,7 @@ import sympy as sp
 
 from cadet_sym.augment import AugmentedSystem, NoiseSource
 from cadet_sym.expectation import DescribingFunction
+from cadet_sym.expectation.formula import tidy
 from cadet_sym.language.expression import SPEED, unparse
 from cadet_sym.linearise import Nonlinearity
 from cadet_sym.moments import MomentEquations
@@ -61,12 +62,13 @@ class Listing:
 
     def _element(self, element: Nonlinearity) -> dict[str, Any]:
         describing = element.describing
-        formula = describing.formula()
+        expectation, gains = written_out(describing)
         return {
             "name": element.name,
             "function": _text(describing.body),
             "arguments": [_text(form.of(self.system.states)) for form in element.forms],
-            "expectation": None if formula is None else _text(formula),
+            "expectation": None if expectation is None else _text(expectation),
+            "gains": [_text(gain) for gain in gains],
             "method": describing.method,
             "nodes": describing.nodes,
             "error": describing.error,
@@ -90,12 +92,12 @@ class Listing:
 
     def _noises(self) -> Iterator[str]:
         """The intensity of every noise, and of every pair that is correlated at equal argument."""
-        intensity, sources = self.system.intensity, self.system.sources
-        for i, first in enumerate(sources):
-            for j, second in enumerate(sources[: i + 1]):
+        intensity, names = self.system.intensity, [_noise_symbol(each).name for each in self.system.sources]
+        for i, first in enumerate(names):
+            for j, second in enumerate(names[: i + 1]):
                 if intensity[i, j] != 0:
-                    pair = _noise_symbol(first), _noise_symbol(second)
-                    yield f"E[{pair[0]} {pair[1]}] = {unparse(intensity[i, j])} delta"
+                    of = first if i == j else f"{second} with {first}"
+                    yield f"intensity of {of}: {unparse(intensity[i, j])}"
 
     def _describe(self, element: Nonlinearity) -> Iterator[str]:
         describing = element.describing
@@ -103,20 +105,38 @@ class Listing:
         of = ", ".join(f"{_bare(z)} = {_text(form.of(self.system.states))}" for z, form in arguments)
         yield f"  {element.name}: f = {_text(describing.body)},  {of}"
         yield f"    {_how(describing)}"
-        formula = describing.formula()
-        if formula is not None:
-            yield f"    E[f] = {_text(formula)}"
+        expectation, gains = written_out(describing)
+        if expectation is not None:
+            yield f"    E[f] = {_text(expectation)}"
+            yield from (f"    {mark} = {_text(gain)}" for mark, gain in zip(_marks(describing), gains, strict=True))
 
     def latex(self) -> str:
         """The same as LaTeX: augmented equations, nonlinearities and their expectations, moment equations."""
         quasi_linear = self.equations.quasi_linear
-        formulas = [element.describing.formula() for element in self.elements]
         parts = [self.system._repr_latex_(), quasi_linear._repr_latex_() if self.elements else ""]
-        for j, formula in enumerate(formulas):
-            if formula is not None:
-                parts.append(rf"$$F_{{{j + 1}}} = \mathrm{{E}}[f_{{{j + 1}}}] = {sp.latex(formula)}$$")
+        for j, element in enumerate(self.elements):
+            expectation, _ = written_out(element.describing)
+            if expectation is not None:
+                parts.append(rf"$$F_{{{j + 1}}} = \mathrm{{E}}[f_{{{j + 1}}}] = {sp.latex(expectation)}$$")
         parts.append(self.equations._repr_latex_())
         return "\n".join(part for part in parts if part)
+
+
+def written_out(describing: DescribingFunction) -> tuple[sp.Expr | None, tuple[sp.Expr, ...]]:
+    """E[f] and the equivalent gains dE[f]/dm for reading; of one argument the mean is m and the variance p."""
+    formula = describing.formula()
+    if formula is None:
+        return None, ()
+    gains = tuple(tidy(sp.diff(formula, mean)) for mean in describing.means)
+    if len(describing.means) > 1:
+        return formula, gains
+    short = dict(zip((*describing.means, *describing.covariances), sp.symbols("m p", real=True), strict=True))
+    return formula.xreplace(short), tuple(gain.xreplace(short) for gain in gains)
+
+
+def _marks(describing: DescribingFunction) -> list[str]:
+    count = len(describing.means)
+    return ["gain"] if count == 1 else [f"gain {i + 1}" for i in range(count)]
 
 
 def _noise_symbol(source: NoiseSource) -> sp.Symbol:
