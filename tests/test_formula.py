@@ -1,4 +1,4 @@
-"""An expectation written out is the expectation: against the paper, against integrals, against Monte Carlo's moments."""
+"""An expectation written out is the expectation: against the paper, integrals and Isserlis moments."""
 
 from __future__ import annotations
 
