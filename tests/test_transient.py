@@ -173,10 +173,10 @@ def test_the_implicit_inverse_solves_its_own_equation(n, seed):
     r[-2 * n :] = (y[-2 * n :].reshape(2, n) @ (np.eye(n) - g * N).T).ravel()
     z = np.empty_like(r)
     Inverse.build(PackedIndex(packing), scale, form, g).apply(r, z)
-    np.testing.assert_allclose(z, y, rtol=1e-3, atol=1e-4 * np.abs(y).max() * scale.max() ** 2)
+    np.testing.assert_allclose(z, y, rtol=1e-8, atol=1e-9 * np.abs(y).max())
 
 
 def test_a_matrix_without_eigenvectors_has_a_neighbour_with():
     N = np.diag(np.ones(3), 1)
     assert (form := modal_form(N)) is None or form.condition > 1e7
-    assert scaled_form(N, np.ones(4)).condition < 1e6
+    assert scaled_form(N, np.ones(4)).condition < 1e10

@@ -4,8 +4,8 @@
 
 With N = W B W^-1 (B of 2 x 2 blocks, one for each pair of eigenvalues a +- ib) the inverse costs four products of
 matrices, whatever n (n + 3) / 2 is: dP = W Z W^T with Z - g (B Z + Z B^T) = W^-1 R W^-T, which couples each entry only
-to those of the same two pairs. An integrator needs the inverse roughly, so all is held in single precision, in units of
-the states' own sizes; where N has no full set of eigenvectors, a matrix next to it has.
+to those of the same two pairs. All is held in units of the states' own sizes (single precision is not enough: its
+rounding keeps Newton's method from converging where the rates differ widely). Where N has no full set of eigenvectors, a matrix next to it has.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ __all__ = ["Inverse", "PackedIndex"]
 
 Array = npt.NDArray[np.float64]
 
-CONDITION_LIMIT = 1e4
-"""Of the eigenvectors: single precision leaves three digits."""
+CONDITION_LIMIT = 1e10
+"""Of the eigenvectors; beyond it a neighbouring matrix is taken."""
 
 
 class PackedIndex:
@@ -44,7 +44,7 @@ class Inverse:
     index: PackedIndex
     scale: Array  # (n,) size of every state
     form: ModalForm
-    weights: tuple[npt.NDArray[np.float32], ...]  # (n, n) each: entry, row partner, column partner, both
+    weights: tuple[Array, ...]  # (n, n) each: entry, row partner, column partner, both
     partner: npt.NDArray[np.intp]
     along: tuple[Array, Array]  # (n,) the same for a vector
 
@@ -66,14 +66,14 @@ class Inverse:
             (mixed.real - same.real) / 2 * row * column,
         )
         single = 1 / (1 - g * upper)
-        kept = tuple(w.astype(np.float32) for w in (weights if sign.any() else weights[:1]))
+        kept = weights if sign.any() else weights[:1]
         return cls(index, scale, form, kept, partner, (single.real, single.imag * sign))
 
     def apply(self, r: Array, z: Array) -> None:
         """Z = (I - g L)^-1 r; what is integrated alongside passes as it is, the ground between wheels with N."""
         n, moments = self.index.packing.n, self.index.packing.moments
         z[:n] = self._vectors(r[:n, None])[:, 0]
-        R = r[n:moments].astype(np.float32).take(self.index.full)
+        R = r[n:moments].take(self.index.full)
         z[n:moments] = self._matrix(R).take(self.index.triangle)
         z[moments:] = r[moments:]
         ground = self.index.packing.ground
@@ -86,7 +86,7 @@ class Inverse:
         direct, crossed = self.along
         return self.scale[:, None] * (self._basis @ (direct[:, None] * m + crossed[:, None] * m[self.partner]))
 
-    def _matrix(self, R: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    def _matrix(self, R: Array) -> Array:
         M = self._left @ R @ self._left.T
         Z = self.weights[0] * M
         if len(self.weights) > 1:
@@ -98,18 +98,18 @@ class Inverse:
 
     def __post_init__(self) -> None:
         self._basis, self._inverse = self.form.basis, self.form.inverse
-        self._left = (self._inverse / self.scale).astype(np.float32)
-        self._right = (self.scale[:, None] * self._basis).astype(np.float32)
+        self._left = self._inverse / self.scale
+        self._right = self.scale[:, None] * self._basis
 
 
 def scaled_form(N: Array, scale: Array) -> ModalForm:
     """Modal form of N in units of the states' sizes, or of a matrix next to it that has usable eigenvectors."""
     scaled = N * scale / scale[:, None]
-    size = float(np.abs(scaled).max(initial=0.0)) or 1.0
-    wobble = np.random.default_rng(0).standard_normal(N.shape) / np.sqrt(max(len(N), 1))
+    rows = np.abs(scaled).max(axis=1, initial=0.0)[:, None]
+    wobble = np.random.default_rng(0).standard_normal(N.shape) * np.where(rows > 0, rows, rows.max(initial=0.0) or 1.0)
     best: ModalForm | None = None
-    for distance in (0.0, 1e-8, 1e-6, 1e-4):
-        form = modal_form(scaled + distance * size * wobble if distance else scaled)
+    for distance in (0.0, 1e-9, 1e-6, 1e-4):
+        form = modal_form(scaled + distance / np.sqrt(max(len(N), 1)) * wobble if distance else scaled)
         if form is not None and (best is None or form.condition < best.condition):
             best = form
         if best is not None and best.condition < CONDITION_LIMIT:
