@@ -506,6 +506,9 @@ def test_a_frozen_state_and_a_constant_rate_are_legal():
         "schema = 1\n[rates]\n[elements]\na = 1",
         "schema = 1\n[rates]\nx = ''",
         "[" * 5000,
+        "a." * 100_000 + "a = 1",
+        "[" + "a." * 100_000 + "a]",
+        "a = " + "{a=" * 5000,
         "a = " + "[" * 5000,
         "schema = 1" + "0" * 5000,
         "schema = 1\n[rates]\nx = 1\nx = 2",
@@ -525,7 +528,8 @@ def test_a_line_that_is_not_toml_is_pointed_at():
 
 
 def test_a_path_that_is_no_file_is_named(tmp_path):
-    for path, words in ((tmp_path, "is a folder"), (tmp_path / "none.toml", "does not exist")):
+    wrong = ((tmp_path, "is a folder"), (tmp_path / "none.toml", "does not exist"), (Path(os.devnull), "is not a file"))
+    for path, words in wrong:
         with pytest.raises(ModelError, match=words) as caught:
             load(path)
         assert str(path) in str(caught.value)

@@ -26,7 +26,8 @@ class Limits:
     levels: int = 50  # of nesting in one expression
     exponent: int = 64  # largest numeric exponent
     rows: int = 10_000  # of a table
-    bytes: int = 10_000_000  # of a model file or a table
+    bytes: int = 1_000_000  # of a model file
+    table_bytes: int = 10_000_000  # of a table beside it
 
 
 LIMITS = Limits()

@@ -108,7 +108,7 @@ def csv_rows(
 def _read(folder: Path, path: str) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """Header and rows with their line numbers."""
     limits = current_limits()
-    text = read_text(inside(folder, path), path)
+    text = read_text(inside(folder, path), path, limits.table_bytes)
     if not text.strip():
         raise ModelError(f"{path} is empty: a header row and rows of numbers are wanted")
     lines: list[tuple[int, list[str]]] = []
@@ -145,9 +145,8 @@ def inside(folder: Path, path: str) -> Path:
     return target
 
 
-def read_text(target: Path, shown: str) -> str:
-    """Text of a file of limited size."""
-    most = current_limits().bytes
+def read_text(target: Path, shown: str, most: int) -> str:
+    """Text of a file of at most so many bytes."""
     try:
         with target.open("rb") as stream:
             data = stream.read(most + 1)

@@ -12,6 +12,7 @@ from typing import Any
 import sympy as sp
 
 from cadet_sym.errors import ModelError
+from cadet_sym.language.bounds import current_limits
 from cadet_sym.language.check import linear_noise, no_recursion
 from cadet_sym.language.element import Element, declared_arguments, declared_name
 from cadet_sym.language.entries import CURVE_KEYS, Entries, expression, noise_names, one_of, read_noise
@@ -29,6 +30,11 @@ TOP = (
 )  # fmt: skip
 
 
+_KEY_PARTS = 32
+# the time that TOML's own reader takes grows with the square of a key's parts
+_LONG_KEY = re.compile(rf"(?:[\w\"'-]++[ \t]*+\.[ \t]*+){{{_KEY_PARTS}}}")
+
+
 def load(path: str | os.PathLike[str]) -> Model:
     """Read a model file.
 
@@ -44,9 +50,9 @@ def load(path: str | os.PathLike[str]) -> Model:
     shown = str(path)
     try:
         if not path.is_file():
-            what = "is a folder" if path.is_dir() else "does not exist"
+            what = "is a folder" if path.is_dir() else "is not a file" if path.exists() else "does not exist"
             raise ModelError(f"this {what}; the path of a model file is wanted")
-        text = read_text(path, "the file")
+        text = read_text(path, "the file", current_limits().bytes)
     except ModelError as error:
         raise error.placed(file=shown) from None
     return loads(text, folder=path.parent, file=shown)
@@ -70,6 +76,9 @@ def loads(text: str, *, folder: str | os.PathLike[str] | None = None, file: str 
 
 
 def _toml(text: str) -> dict[str, Any]:
+    if long := _LONG_KEY.search(text):
+        line = text.count("\n", 0, long.start()) + 1
+        raise ModelError(f"line {line} has a key of more than {_KEY_PARTS} parts; a model file needs three")
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
