@@ -99,16 +99,17 @@ def drifting_directions(problem: FrozenProblem) -> Array:
     The largest A-invariant subspace in the kernel of C with all its eigenvalues on the imaginary axis. Zero eigenvalues
     are found by ranks, which a chain of integrators does not upset as it does computed eigenvalues.
     """
-    A, n = problem.A, problem.n
+    A, C, n = problem.A, problem.C, problem.n
+    size = float(np.linalg.norm(A, 2)), float(np.linalg.norm(C, 2)) if C.size else 0.0
     marginal = np.zeros((n, 0))
     while marginal.shape[1] < n:  # ker A, ker A^2, ...: what A sends into what is already found
         rest = _complement(marginal, n)
-        more = _kernel(rest.T @ A @ rest, float(np.linalg.norm(A, 2)))
+        more = _kernel(rest.T @ A @ rest, size[0])
         if not more.shape[1]:
             break
         marginal = np.hstack([marginal, rest @ more])
     marginal = np.hstack([marginal, _oscillating(A, marginal)])
-    return marginal @ _unseen(marginal.T @ A @ marginal, problem.C @ marginal)
+    return marginal @ _unseen(marginal.T @ A @ marginal, C @ marginal, size)
 
 
 def _oscillating(A: Array, inside: Array) -> Array:
@@ -124,19 +125,16 @@ def _oscillating(A: Array, inside: Array) -> Array:
     return rest @ basis[:, :count]
 
 
-def _unseen(A: Array, C: Array) -> Array:
-    """Orthonormal basis (n, q) of the largest subspace that A maps into itself and C to zero."""
-    basis = np.eye(len(A))
-    seen = C
-    size = max(float(np.linalg.norm(C, 2)) if C.size else 0.0, 1e-300)
+def _unseen(A: Array, C: Array, size: tuple[float, float]) -> Array:
+    """Orthonormal basis (n, q) of the largest subspace that A maps into itself and C to zero; `size` of A and of C."""
+    basis, seen, scale = np.eye(len(A)), C, size[1]
     while basis.shape[1]:
-        smaller = basis @ _kernel(seen @ basis, size)
+        smaller = basis @ _kernel(seen @ basis, scale)
         if smaller.shape[1] == basis.shape[1]:
             return smaller
         basis = smaller
         # next: what A moves out of the subspace
-        seen = (np.eye(len(A)) - basis @ basis.T) @ A
-        size = max(float(np.linalg.norm(A, 2)), 1e-300)
+        seen, scale = (np.eye(len(A)) - basis @ basis.T) @ A, size[0]
     return basis
 
 

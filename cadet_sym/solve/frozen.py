@@ -146,7 +146,12 @@ class Evaluation:
     def scale(self) -> Array:
         """Standard deviation of each state, (n,); where there is next to none, a rounding error of what there is."""
         sigma = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
-        return np.maximum(sigma, 1e-10 * np.abs(self.mean) + 1e-13 * sigma.max(initial=0.0))
+        return np.maximum(sigma, 1e-10 * np.abs(self.mean).max(initial=0.0) + 1e-13 * sigma.max(initial=0.0))
+
+    @cached_property
+    def mean_scale(self) -> Array:
+        """What a change of a mean is measured by, (n,): the standard deviation, or part of the largest mean."""
+        return np.maximum(self.scale, 1e-4 * np.abs(self.mean).max(initial=0.0))
 
     @cached_property
     def finite(self) -> bool:
@@ -158,14 +163,14 @@ class Evaluation:
         """Size of the terms that make up r, (n,), and R, (n, n): what rounding is relative to.
 
         A correlation enters with the standard deviations that bound it, so that an equation whose terms vanish by
-        symmetry is measured by what its state's rate fluctuates by. Independent of the states' units.
+        symmetry is measured by what its state's rate fluctuates by.
         """
         p, sigma = self.problem, self.scale
-        rate = np.abs(self.N) @ sigma
-        load = np.abs(p.A) @ np.abs(self.mean) + np.abs(p.c) + np.abs(p.b) @ np.abs(self.F)
-        spread = np.outer(rate, sigma)
+        gains = np.abs(self.N)
+        first = np.abs(p.A) @ np.abs(self.mean) + np.abs(p.c) + np.abs(p.b) @ np.abs(self.F) + gains @ self.mean_scale
+        spread = np.outer(gains @ sigma, sigma)
         tiny = np.finfo(float).tiny
-        return load + rate + tiny, spread + spread.T + np.abs(p.D) + tiny
+        return first + tiny, spread + spread.T + np.abs(p.D) + tiny
 
     @cached_property
     def residual(self) -> float:

@@ -165,11 +165,14 @@ def _implicit_step(lin: LinearisedMoments, h: float) -> tuple[Evaluation | None,
 
 def relative_size(at: Evaluation, step: tuple[Array, Array], ahead: tuple[Array, Array] | None = None) -> float:
     """Size of a step (dmu, dP) over the standard deviations at a point, or ahead of it where those are larger."""
-    scale = at.scale
+    scale, means = at.scale, at.mean_scale
     if ahead is not None:
-        scale = np.maximum(scale, np.sqrt(np.maximum(np.diag(at.covariance + ahead[1]), 0.0)))
-    scale = scale + np.finfo(float).tiny ** 0.25
-    return float(max(np.max(np.abs(step[0]) / scale), np.max(np.abs(step[1]) / scale / scale[:, None])))
+        sigma = np.sqrt(np.maximum(np.diag(at.covariance + ahead[1]), 0.0))
+        scale = np.maximum(scale, sigma)
+        means = np.maximum(np.maximum(means, sigma), 1e-4 * np.abs(at.mean + ahead[0]).max())
+    tiny = np.finfo(float).tiny ** 0.25
+    scale, means = scale + tiny, means + tiny
+    return float(max(np.max(np.abs(step[0]) / means), np.max(np.abs(step[1]) / scale / scale[:, None])))
 
 
 def _difference(one: Evaluation, other: Evaluation) -> tuple[Array, Array]:
