@@ -28,7 +28,7 @@ from cadet_sym.export.program import Program, constant, translate
 from cadet_sym.lowering.portable import PortableFunctions, portable
 from cadet_sym.lowering.system import LoweredSystem
 from cadet_sym.solve.breakpoints import find_breakpoints
-from cadet_sym.solve.transient import integrate
+from cadet_sym.solve.transient import Start, integrate
 
 __all__ = ["Library", "Run", "export_c", "library"]
 
@@ -164,7 +164,7 @@ class Library:
             parts = [self.programs[key].text for key in keys if key in self.programs]
             found[f"{name}{suffix}.c"] = f'#include "{name}_real.h"\n\n' + "\n".join(parts)
         for template in TEMPLATES:
-            found[f"{name}_{template}.c"] = self._filled(f"{template}.c", {"switches": self._switches[1]})
+            found[f"{name}_{template}.c"] = self._filled(f"{template}.c", {"switches": self._switches})
         sources = sorted(file for file in found if file.endswith(".c"))
         found["main.c"] = self._filled("main.c")
         found["test.c"] = self._filled("test.c")
@@ -181,10 +181,9 @@ class Library:
         return text
 
     @property
-    def _switches(self) -> tuple[int, int]:
-        """Functions of t alone, and all, whose changes of sign are breakpoints."""
-        first, second = (self.functions.switches.size1_out(k) for k in range(2))
-        return first, first + second
+    def _switches(self) -> int:
+        """Functions whose changes of sign are breakpoints."""
+        return self.functions.switches.size1_out(0)
 
     def _header(self) -> dict[str, object]:
         packing = self.lowered.equations.packing
@@ -201,8 +200,7 @@ class Library:
             "size": packing.size,
             "alongside": "".join(alongside),
             "nonzeros": self.pattern.nnz(),
-            "time_switches": self._switches[0],
-            "switches": self._switches[1],
+            "switches": self._switches,
             "distance": int(packing.distance),
             "operations": "\n".join(f" * {line}" for line in self._costs()),
             "rate_operations": self.programs["rate"].operations,
@@ -279,15 +277,14 @@ class Library:
 
     def _sample(self) -> tuple[float, Array]:
         """A time in the run and the moments there; the start itself if the run breaks down."""
-        large = self.lowered.equations.packing.size > 200
-        end = float(f"{self.run.duration / (20 if large else 1):.6g}")
-        breakpoints = find_breakpoints(self.lowered, self.run.p, self.run.duration)
+        # whole runs of larger models take long; the comparison needs only a part
+        part = 1 if self.lowered.equations.packing.size <= 20 else 20
+        end = float(f"{self.run.duration / part:.6g}")
         if not end > 0:
             return 0.0, self.run.start
+        start = Start(self.run.start, self.run.p, find_breakpoints(self.lowered, self.run.p, end))
         try:
-            found = integrate(
-                self.lowered, self.run.start, self.run.p, np.array([end]), rtol=1e-9, breakpoints=breakpoints
-            )
+            found = integrate(self.lowered, start, [end], rtol=1e-8, engine="direct")
         except SolverError:
             return 0.0, self.run.start
         return end, found.y[-1]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -121,7 +121,7 @@ def _dae(lowered: LoweredSystem, p: Array, start: Array, duration: float, name: 
     dae = ca.DaeBuilder(name, "", {})
     t = dae.add("time", "independent")
     moments, parameters, outputs = _variables(lowered, p, start)
-    states = [_add(dae, entry, "output" if _is_result(entry) else "local") for entry in moments]
+    states = [_add(dae, entry, "output" if _is_result(entry) else "local", "continuous") for entry in moments]
     tunable = [_add(dae, entry, "parameter", "tunable") for entry in parameters]
     y = ca.vertcat(*states)
     numbers = ca.vertcat(*tunable) if tunable else ca.MX(0, 1)
@@ -137,9 +137,9 @@ def _dae(lowered: LoweredSystem, p: Array, start: Array, duration: float, name: 
     return dae
 
 
-def _add(dae: ca.DaeBuilder, entry: _Variable, *kind: str) -> ca.MX:
-    options: Mapping[str, object] = {"start": entry.start, "description": entry.description, "initial": "exact"}
-    return dae.add(entry.name, *kind, options)
+def _add(dae: ca.DaeBuilder, entry: _Variable, causality: str, variability: str) -> ca.MX:
+    options = {"start": entry.start, "description": entry.description, "initial": "exact"}
+    return dae.add(entry.name, causality, variability, options)
 
 
 def _is_result(entry: _Variable) -> bool:

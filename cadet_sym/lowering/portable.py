@@ -33,7 +33,7 @@ class PortableFunctions:
     held_jacobian: ca.Function  # (t, s, V, y, p) -> its Jacobian in y, with the sparsity of `jacobian`
     held_outputs: ca.Function  # (t, s, V, y, p) -> means, variances
     initial: ca.Function | None  # p -> y(0); None if it takes too many operations
-    switches: ca.Function  # (t, s, p) -> functions of t alone, functions of s too
+    switches: ca.Function  # (t, s, p) -> functions whose sign changes at breakpoints: those of t alone first
 
 
 def portable(lowered: LoweredSystem) -> PortableFunctions:
@@ -61,7 +61,9 @@ def portable(lowered: LoweredSystem) -> PortableFunctions:
         ),
         held_outputs=_function("held_outputs", frozen, still, frozen_names, both),
         initial=_initial(lowered),
-        switches=switch_functions(lowered),
+        switches=_function(
+            "switches", [t, s, p], [ca.densify(ca.vertcat(*switch_functions(lowered)(t, s, p)))], ["t", "s", "p"], ["g"]
+        ),
     )
 
 

@@ -196,10 +196,8 @@ void duffing_held_outputs(duffing_real t, duffing_real s, duffing_real V, const 
 
 /* ---- Parts of the above ---------------------------------------------------------------------------------- */
 
-/* Functions of t alone (the first DUFFING_TIME_SWITCHES), then of s too, whose sign changes at a breakpoint. */
-enum { DUFFING_TIME_SWITCHES = 0 };
-void duffing_switches(duffing_real t, duffing_real s, const duffing_real *DUFFING_RESTRICT p, duffing_real *DUFFING_RESTRICT time,
-                  duffing_real *DUFFING_RESTRICT space);
+/* Functions of t and s whose sign changes at a breakpoint. */
+void duffing_switches(duffing_real t, duffing_real s, const duffing_real *DUFFING_RESTRICT p, duffing_real *DUFFING_RESTRICT values);
 /* 1 if the distance is integrated in y, at index DUFFING_MOMENTS; else it is known in closed form. */
 enum { DUFFING_DISTANCE = 0 };
 

@@ -30,12 +30,6 @@ static R distance(const R *p, R begin, R from, R t)
     return motion[2];
 }
 
-/* The values whose signs count; those of functions of t alone, which are found first, in the first pass. */
-static void values_at(const R *p, R t, R s, R *values)
-{
-    duffing_switches(t, s, p, values, values + DUFFING_TIME_SWITCHES);
-}
-
 static int sign(R x)
 {
     return (x > K(0.0)) - (x < K(0.0));
@@ -63,18 +57,18 @@ int duffing_breakpoints(const R *p, R duration, R *times, int room)
     int count = 0;
     duffing_motion(K(0.0), p, motion);
     R begin = K(0.0), from = DUFFING_DISTANCE ? motion[3] : motion[2];
-    values_at(p, begin, from, before);
+    duffing_switches(begin, from, p, before);
     for (int cell = 1; cell <= CELLS; cell++) {
         const R end = duration * (R)cell / K(CELLS);
         const R to = distance(p, begin, from, end);
-        values_at(p, end, to, after);
+        duffing_switches(end, to, p, after);
         for (int k = 0; k < SWITCHES; k++) {
             R low = begin, high = end;
             if (sign(before[k]) == sign(after[k]))
                 continue;
             for (int halving = 0; halving < 60; halving++) {
                 const R between = (low + high) / K(2.0);
-                values_at(p, between, distance(p, begin, from, between), middle);
+                duffing_switches(between, distance(p, begin, from, between), p, middle);
                 if (sign(middle[k]) == sign(before[k]))
                     low = between;
                 else

@@ -20,11 +20,10 @@ void duffing_motion(R t, const R *restrict p, R *restrict motion)
     motion[3] = K(0.0);
 }
 
-void duffing_switches(R t, R s, const R *restrict p, R *restrict time, R *restrict space)
+void duffing_switches(R t, R s, const R *restrict p, R *restrict g)
 {
     (void)t;
     (void)s;
     (void)p;
-    (void)time;
-    (void)space;
+    (void)g;
 }

@@ -200,10 +200,8 @@ void oleo_acceleration_held_outputs(oleo_acceleration_real t, oleo_acceleration_
 
 /* ---- Parts of the above ---------------------------------------------------------------------------------- */
 
-/* Functions of t alone (the first OLEO_ACCELERATION_TIME_SWITCHES), then of s too, whose sign changes at a breakpoint. */
-enum { OLEO_ACCELERATION_TIME_SWITCHES = 0 };
-void oleo_acceleration_switches(oleo_acceleration_real t, oleo_acceleration_real s, const oleo_acceleration_real *OLEO_ACCELERATION_RESTRICT p, oleo_acceleration_real *OLEO_ACCELERATION_RESTRICT time,
-                  oleo_acceleration_real *OLEO_ACCELERATION_RESTRICT space);
+/* Functions of t and s whose sign changes at a breakpoint. */
+void oleo_acceleration_switches(oleo_acceleration_real t, oleo_acceleration_real s, const oleo_acceleration_real *OLEO_ACCELERATION_RESTRICT p, oleo_acceleration_real *OLEO_ACCELERATION_RESTRICT values);
 /* 1 if the distance is integrated in y, at index OLEO_ACCELERATION_MOMENTS; else it is known in closed form. */
 enum { OLEO_ACCELERATION_DISTANCE = 0 };
 

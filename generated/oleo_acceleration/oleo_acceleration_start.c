@@ -31,11 +31,10 @@ void oleo_acceleration_motion(R t, const R *restrict p, R *restrict motion)
     motion[3] = K(0.0);
 }
 
-void oleo_acceleration_switches(R t, R s, const R *restrict p, R *restrict time, R *restrict space)
+void oleo_acceleration_switches(R t, R s, const R *restrict p, R *restrict g)
 {
     (void)t;
     (void)s;
     (void)p;
-    (void)time;
-    (void)space;
+    (void)g;
 }

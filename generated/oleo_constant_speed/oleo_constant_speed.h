@@ -200,10 +200,8 @@ void oleo_constant_speed_held_outputs(oleo_constant_speed_real t, oleo_constant_
 
 /* ---- Parts of the above ---------------------------------------------------------------------------------- */
 
-/* Functions of t alone (the first OLEO_CONSTANT_SPEED_TIME_SWITCHES), then of s too, whose sign changes at a breakpoint. */
-enum { OLEO_CONSTANT_SPEED_TIME_SWITCHES = 0 };
-void oleo_constant_speed_switches(oleo_constant_speed_real t, oleo_constant_speed_real s, const oleo_constant_speed_real *OLEO_CONSTANT_SPEED_RESTRICT p, oleo_constant_speed_real *OLEO_CONSTANT_SPEED_RESTRICT time,
-                  oleo_constant_speed_real *OLEO_CONSTANT_SPEED_RESTRICT space);
+/* Functions of t and s whose sign changes at a breakpoint. */
+void oleo_constant_speed_switches(oleo_constant_speed_real t, oleo_constant_speed_real s, const oleo_constant_speed_real *OLEO_CONSTANT_SPEED_RESTRICT p, oleo_constant_speed_real *OLEO_CONSTANT_SPEED_RESTRICT values);
 /* 1 if the distance is integrated in y, at index OLEO_CONSTANT_SPEED_MOMENTS; else it is known in closed form. */
 enum { OLEO_CONSTANT_SPEED_DISTANCE = 0 };
 

@@ -205,10 +205,8 @@ void quarter_car_linear_held_outputs(quarter_car_linear_real t, quarter_car_line
 
 /* ---- Parts of the above ---------------------------------------------------------------------------------- */
 
-/* Functions of t alone (the first QUARTER_CAR_LINEAR_TIME_SWITCHES), then of s too, whose sign changes at a breakpoint. */
-enum { QUARTER_CAR_LINEAR_TIME_SWITCHES = 0 };
-void quarter_car_linear_switches(quarter_car_linear_real t, quarter_car_linear_real s, const quarter_car_linear_real *QUARTER_CAR_LINEAR_RESTRICT p, quarter_car_linear_real *QUARTER_CAR_LINEAR_RESTRICT time,
-                  quarter_car_linear_real *QUARTER_CAR_LINEAR_RESTRICT space);
+/* Functions of t and s whose sign changes at a breakpoint. */
+void quarter_car_linear_switches(quarter_car_linear_real t, quarter_car_linear_real s, const quarter_car_linear_real *QUARTER_CAR_LINEAR_RESTRICT p, quarter_car_linear_real *QUARTER_CAR_LINEAR_RESTRICT values);
 /* 1 if the distance is integrated in y, at index QUARTER_CAR_LINEAR_MOMENTS; else it is known in closed form. */
 enum { QUARTER_CAR_LINEAR_DISTANCE = 0 };
 

@@ -34,11 +34,10 @@ void quarter_car_linear_motion(R t, const R *restrict p, R *restrict motion)
     motion[3] = K(0.0);
 }
 
-void quarter_car_linear_switches(R t, R s, const R *restrict p, R *restrict time, R *restrict space)
+void quarter_car_linear_switches(R t, R s, const R *restrict p, R *restrict g)
 {
     (void)t;
     (void)s;
     (void)p;
-    (void)time;
-    (void)space;
+    (void)g;
 }

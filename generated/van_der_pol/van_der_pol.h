@@ -194,10 +194,8 @@ void van_der_pol_held_outputs(van_der_pol_real t, van_der_pol_real s, van_der_po
 
 /* ---- Parts of the above ---------------------------------------------------------------------------------- */
 
-/* Functions of t alone (the first VAN_DER_POL_TIME_SWITCHES), then of s too, whose sign changes at a breakpoint. */
-enum { VAN_DER_POL_TIME_SWITCHES = 0 };
-void van_der_pol_switches(van_der_pol_real t, van_der_pol_real s, const van_der_pol_real *VAN_DER_POL_RESTRICT p, van_der_pol_real *VAN_DER_POL_RESTRICT time,
-                  van_der_pol_real *VAN_DER_POL_RESTRICT space);
+/* Functions of t and s whose sign changes at a breakpoint. */
+void van_der_pol_switches(van_der_pol_real t, van_der_pol_real s, const van_der_pol_real *VAN_DER_POL_RESTRICT p, van_der_pol_real *VAN_DER_POL_RESTRICT values);
 /* 1 if the distance is integrated in y, at index VAN_DER_POL_MOMENTS; else it is known in closed form. */
 enum { VAN_DER_POL_DISTANCE = 0 };
 

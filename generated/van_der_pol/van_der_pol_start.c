@@ -20,11 +20,10 @@ void van_der_pol_motion(R t, const R *restrict p, R *restrict motion)
     motion[3] = K(0.0);
 }
 
-void van_der_pol_switches(R t, R s, const R *restrict p, R *restrict time, R *restrict space)
+void van_der_pol_switches(R t, R s, const R *restrict p, R *restrict g)
 {
     (void)t;
     (void)s;
     (void)p;
-    (void)time;
-    (void)space;
+    (void)g;
 }

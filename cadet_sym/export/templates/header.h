@@ -184,10 +184,8 @@ void @p@_held_outputs(@p@_real t, @p@_real s, @p@_real V, const @p@_real *@P@_RE
 
 /* ---- Parts of the above ---------------------------------------------------------------------------------- */
 
-/* Functions of t alone (the first @P@_TIME_SWITCHES), then of s too, whose sign changes at a breakpoint. */
-enum { @P@_TIME_SWITCHES = @time_switches@ };
-void @p@_switches(@p@_real t, @p@_real s, const @p@_real *@P@_RESTRICT p, @p@_real *@P@_RESTRICT time,
-                  @p@_real *@P@_RESTRICT space);
+/* Functions of t and s whose sign changes at a breakpoint. */
+void @p@_switches(@p@_real t, @p@_real s, const @p@_real *@P@_RESTRICT p, @p@_real *@P@_RESTRICT values);
 /* 1 if the distance is integrated in y, at index @P@_MOMENTS; else it is known in closed form. */
 enum { @P@_DISTANCE = @distance@ };
 
