@@ -3,46 +3,62 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from cadet_sym.errors import ModelError
+from cadet_sym.labelled import Labelled
 from cadet_sym.plotting import moments_figure, sweep_figure
 from cadet_sym.report import Comparison, compare
 from cadet_sym.report.comparison import rounded
 from cadet_sym.results import MomentHistory, Provenance, StationaryMoments, StationarySweep
-from cadet_sym.simulate import Ensemble
-from cadet_sym.simulate.statistics import moments_of
 
 HOW = Provenance("CVODES", 1e-8)
 TIME = np.array([0.0, 1.0, 2.0])
 
 
-def ensemble(variance: float = 4.0, mean: float = 1.0, paths: int = 4000) -> Ensemble:
-    """Paths of one Gaussian state that starts at rest, and of an output that is twice that state."""
-    x = np.random.default_rng(5).normal(size=(2, paths))
-    x = (x - x.mean(axis=1, keepdims=True)) / x.std(axis=1, ddof=1, keepdims=True)
-    x = np.vstack([np.zeros(paths), mean + math.sqrt(variance) * x])
-    return Ensemble(
-        model="toy",
-        states=("x",),
-        outputs=("y",),
-        time=TIME,
-        paths=paths,
-        seed=0,
-        step=0.01,
-        moments=moments_of(np.stack([x, 2.0 * x], axis=1), 1),
-        step_error=None,
-        diverged=0,
-        kept=np.zeros((0, 3, 2)),
-        level=0.99,
-        run_in=0.0,
-        engine="numpy",
-        seconds={"paths": 0.1},
-        notes=(),
-    )
+@dataclass(frozen=True)
+class Simulated:
+    """What a comparison asks of an ensemble: a Gaussian state that starts at rest, and an output twice as large."""
+
+    variance_at_end: float = 4.0
+    paths: int = 4000
+    states: tuple[str, ...] = ("x",)
+    outputs: tuple[str, ...] = ("y",)
+    time: np.ndarray = field(default_factory=TIME.copy)
+    level: float = 0.99
+
+    def _both(self, value: float, power: int) -> Labelled:
+        x = np.array([0.0, value, value])[:, None]
+        return Labelled(self.states, x, self.outputs, 2**power * x)
+
+    @property
+    def mean(self) -> Labelled:
+        return self._both(1.0, 1)
+
+    @property
+    def variance(self) -> Labelled:
+        return self._both(self.variance_at_end, 2)
+
+    @property
+    def mean_standard_error(self) -> Labelled:
+        return self._both(math.sqrt(self.variance_at_end / self.paths), 1)
+
+    @property
+    def variance_standard_error(self) -> Labelled:
+        return self._both(self.variance_at_end * math.sqrt(2 / self.paths), 2)
+
+    variance_step_error = skewness = excess_kurtosis = property(lambda self: self._both(0.0, 0))
+
+    def limit(self, moment: str) -> Labelled:
+        errors = getattr(self, f"{moment}_standard_error")
+        return Labelled(self.states, 2.576 * errors.values, self.outputs, 2.576 * errors.outputs)
+
+
+ensemble: Any = Simulated
 
 
 def history(variance: float, mean: float = 1.0) -> MomentHistory:
@@ -65,9 +81,9 @@ def test_a_discrepancy_is_in_percent_of_the_simulated_moment_with_its_own_limits
     verdict = compare(history(3.0, mean=1.5), ensemble()).verdict["x"]
     assert verdict.discrepancy == pytest.approx(-25.0)
     # 2.576 sqrt(2/n) of a Gaussian variance, carried over to the ratio 3/4.
-    assert verdict.limit == pytest.approx(100 * 0.75 * 2.576 * math.sqrt(2 / 4000), rel=0.1)
+    assert verdict.limit == pytest.approx(100 * 0.75 * 2.576 * math.sqrt(2 / 4000), rel=1e-6)
     assert verdict.mean_discrepancy == pytest.approx(25.0)
-    assert verdict.mean_limit == pytest.approx(100 * 2.576 / math.sqrt(4000), rel=1e-3)
+    assert verdict.mean_limit == pytest.approx(100 * 2.576 / math.sqrt(4000), rel=1e-6)
     assert not verdict.agrees
 
 

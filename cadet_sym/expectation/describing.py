@@ -42,6 +42,12 @@ class DescribingFunction:
         """Estimated relative error of a quadrature; 0 for a closed form."""
         return max((product.error for product in self.products), default=0.0)
 
+    def formula(self) -> sp.Expr | None:
+        """E[f] written out in `means` and `covariances`, for reading; None if that would be too long."""
+        from cadet_sym.expectation.formula import expectation_formula
+
+        return expectation_formula(self)
+
 
 def describing_function(
     arguments: tuple[sp.Symbol, ...],
