@@ -28,7 +28,9 @@ from cadet_sym.solve.breakpoints import find_breakpoints
 from cadet_sym.solve.evaluate import over_time
 from cadet_sym.solve.freeze import Conditions, conditions, freeze
 from cadet_sym.solve.frozen import FrozenProblem
+from cadet_sym.solve.scales import peaks
 from cadet_sym.solve.search import stationary_points
+from cadet_sym.solve.sensitivity import adjoint, check_method, forward, quantity
 from cadet_sym.solve.start import profile_mean
 from cadet_sym.solve.stationary import StationaryPoint, stationary_point
 from cadet_sym.solve.steady import steady_start
@@ -198,6 +200,86 @@ class CompiledModel:
                 error.partial = error.details["partial"] = self._history(partial, start.p, {})  # type: ignore[attr-defined]
             raise
         return self._history(trajectory, start.p, self._wheel_error(trajectory, start.p))
+
+    def gradient(
+        self,
+        name: str | tuple[str, str],
+        parameters: Sequence[str] | None = None,
+        times: Sequence[float] | None = None,
+        *,
+        moment: str = "variance",
+        method: str = "auto",
+        values: Mapping[str, float] | None = None,
+    ) -> Array:
+        """Derivatives (k, c) of a mean or variance at the times with respect to parameters.
+
+        Parameters
+        ----------
+        name : a state, an output, or a pair of states (their covariance).
+        parameters : names; by default all that have a number of their own.
+        times : increasing; by default the end of the run.
+        moment : "variance" or "mean".
+        method : "forward" integrates a column a parameter with the moments, "adjoint" one run backwards a time; "auto"
+            takes the adjoint for more parameters than the run has times and 20. Where the adjoint gives up, forward.
+        values : parameters in place of the declared ones.
+
+        Raises
+        ------
+        ModelError
+            Unknown names.
+        SolverError
+            If the derivatives break down.
+        """
+        check_method(method)
+        names = self.parameters if parameters is None else tuple(parameters)
+        for each in names:
+            if each not in self.parameters:
+                known = ", ".join(self.parameters) or "none"
+                raise ModelError(f"`{each}` is not a parameter with a number of its own; those are: {known}.")
+        columns = [self.parameters.index(each) for each in names]
+        grid = check_times([self.model.number(self.model.run.duration)] if times is None else times)
+        start = self._start(self.parameter_vector(values), float(grid[-1]))
+        wanted = quantity(self.functions, name, moment)
+        rough = integrate(self.functions, start, np.linspace(0, grid[-1], 33) if grid[-1] > 0 else grid, rtol=1e-4)
+        size = peaks(rough.y, self.equations.packing)
+        slope = self._start_slope(start.p)
+        if method == "adjoint" or (method == "auto" and len(columns) > 20 + len(grid)):
+            try:
+                return self._adjoint_gradient(wanted, start, grid, size, slope)[:, columns]
+            except SolverError:
+                if method == "adjoint":
+                    raise
+        y, S = forward(self.functions, start, slope[:, columns], columns, size, grid)
+        rows = []
+        for t, moments, part in zip(grid, y, S, strict=True):
+            _, in_y, in_p = (np.asarray(each) for each in wanted(t, moments, start.p))
+            rows.append(in_y[0] @ part + in_p[0, columns])
+        return np.array(rows)
+
+    def _adjoint_gradient(self, wanted: ca.Function, start: Start, grid: Array, size: Array, slope: Array) -> Array:
+        y = integrate(self.functions, start, grid, rtol=1e-9).y
+        rows = []
+        for t, moments in zip(grid, y, strict=True):
+            _, in_y, in_p = (np.asarray(each) for each in wanted(t, moments, start.p))
+            in_start, at_start = (in_p[0], in_y[0])
+            if t > 0:
+                direct, at_start = adjoint(self.functions, start, size, float(t), in_y[0])
+                in_start = in_p[0] + direct
+            rows.append(in_start + at_start @ slope)
+        return np.array(rows)
+
+    def _start_slope(self, p: Array) -> Array:
+        """Derivative (size, parameters) of the start: central differences where a stationary state is solved for."""
+        here = self.initial(dict(zip(self.parameters, p.tolist(), strict=True)))
+        if np.allclose(np.asarray(self._initial(p)).ravel(), here, rtol=1e-12, atol=0):
+            q = ca.MX.sym("q", len(p))
+            return np.asarray(ca.Function("slope", [q], [ca.jacobian(self._initial(q), q)])(p))
+        columns = []
+        for j, step in enumerate(1e-5 * np.maximum(np.abs(p), 1e-3)):
+            move = step * np.eye(len(p))[j]
+            ends = [self.initial(dict(zip(self.parameters, q.tolist(), strict=True))) for q in (p + move, p - move)]
+            columns.append((ends[0] - ends[1]) / (2 * step))
+        return np.array(columns).T.reshape(len(here), len(p))
 
     def _start(self, p: Array, duration: float) -> Start:
         """Moments at the start and known breakpoints, remembered for the parameters last used."""

@@ -1,0 +1,222 @@
+"""Derivatives of the moments at given times with respect to parameters and initial values, forward and adjoint.
+
+    S' = (dg/dy) S + dg/dp,    S(0) = dy0/dp          forward: one column a parameter, with the moments themselves
+    l' = -(dg/dy)^T l                                 adjoint: one run backwards, whatever the number of parameters
+
+where y' = g(t, y, p). The start depends on the parameters too: through the ground's stationary covariance and the
+initial values of the vehicle. Quadratures of the adjoint are under error control: without it CasADi's derivatives can be
+wrong in silence from three parameters on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from cadet_sym.errors import ModelError, SolverError
+from cadet_sym.lowering.system import LoweredSystem
+from cadet_sym.solve.transient import Start
+
+__all__ = ["METHODS", "adjoint", "check_method", "forward", "quantity"]
+
+Array = npt.NDArray[np.float64]
+
+METHODS = ("auto", "forward", "adjoint")
+
+RTOL = 1e-9
+"""Of the moments and their derivatives together."""
+
+
+@dataclass(frozen=True)
+class _Stretch:
+    """One stretch of the run between breakpoints, and the grid of output times in it that ends with its end."""
+
+    begin: float
+    grid: Array
+    outputs: int  # how many of the grid are asked for
+
+
+def forward(
+    lowered: LoweredSystem, start: Start, start_slope: Array, columns: Sequence[int], size: Array, times: Array
+) -> tuple[Array, Array]:
+    """Packed moments (k, size) and their derivatives (k, size, c) in the chosen entries of p.
+
+    Parameters
+    ----------
+    start_slope : (size, c) derivative of the start.
+    columns : the entries of p; -1 stands for a column that only the start depends on.
+    size : (size,) how large every moment becomes.
+    """
+    n, c = len(start.y), len(columns)
+    y, S = start.y, start_slope
+    moments, slopes = [], []
+    if times[0] == 0:
+        moments.append(y)
+        slopes.append(S)
+    # A column's unit is what makes it as large as the moments.
+    unit = np.maximum(np.abs(S).max(axis=0, initial=0.0) / size.max(), 0.0)
+    unit = np.where(unit > 0, unit, [1 / max(abs(start.p[j]), 1e-3) if j >= 0 else 1.0 for j in columns])
+    scale = np.concatenate([size, (size[:, None] * unit).ravel(order="F")])
+    for stretch in _stretches(start, times):
+        z = np.concatenate([y, S.ravel(order="F")]) / scale
+        found = _first_success(
+            lambda way, z=z, stretch=stretch: _run_forward(lowered, start.p, tuple(columns), stretch, z, scale, way),
+            stretch,
+        )
+        for row in found[: stretch.outputs]:
+            moments.append(row[:n])
+            slopes.append(row[n:].reshape(n, c, order="F"))
+        y, S = found[-1, :n], found[-1, n:].reshape(n, c, order="F")
+    return np.array(moments), np.array(slopes)
+
+
+_Way = tuple[tuple[str, object], ...]
+
+
+def _run_forward(
+    lowered: LoweredSystem, p: Array, columns: tuple[int, ...], stretch: _Stretch, z: Array, scale: Array, way: _Way
+) -> Array:
+    run = _integrator(lowered, columns, tuple((stretch.grid - stretch.begin).tolist()), way)
+    return np.asarray(run(x0=z, p=ca.vertcat(p, scale, stretch.begin))["xf"]).T * scale
+
+
+def _first_success(attempt: Callable[[_Way], Array], stretch: _Stretch) -> Array:
+    """Where an element sits on its kink without variance its slope in the variance has no bound, and BDF may not start."""
+    reason: object = "the result is not finite"
+    for way in ((), (("step0", 1e-7 * float(stretch.grid[-1] - stretch.begin)),), EXPLICIT):
+        try:
+            found = attempt(way)
+        except RuntimeError as error:
+            reason = error
+            continue
+        if np.isfinite(found).all():
+            return found
+    raise _failure(stretch, reason)
+
+
+EXPLICIT: _Way = (("linear_multistep_method", "adams"), ("nonlinear_solver_iteration", "functional"))
+
+
+def adjoint(lowered: LoweredSystem, start: Start, size: Array, time: float, weight: Array) -> tuple[Array, Array]:
+    """Derivatives of weight . y(time) in p (parameters,) and in the start (size,), by one run backwards.
+
+    Parameters
+    ----------
+    weight : (size,) derivative of the quantity wanted in the packed moments at that time.
+    """
+    bar, slope = weight.astype(float), np.zeros(len(start.p))
+    stretches = list(_stretches(start, np.array([time])))
+    states = [start.y]
+    for stretch in stretches:
+        run = _plain(lowered, float(stretch.grid[-1] - stretch.begin))
+        states.append(
+            np.asarray(run(x0=states[-1] / size, p=ca.vertcat(start.p, size, stretch.begin))["xf"]).ravel() * size
+        )
+    for stretch, y in zip(reversed(stretches), reversed(states[:-1]), strict=True):
+        run = _plain(lowered, float(stretch.grid[-1] - stretch.begin))
+        backward = run.reverse(1)
+        inputs = [y / size, [], ca.vertcat(start.p, size, stretch.begin), [], [], [], []]
+        seeds = [bar * size, [], [], [], [], [], []]
+        try:
+            found = backward(*inputs, *run.call(inputs), *seeds)
+        except RuntimeError as error:
+            raise _failure(stretch, error) from None
+        bar = np.asarray(found[0]).ravel() / size
+        slope += np.asarray(found[2]).ravel()[: len(slope)]
+        if not (np.isfinite(bar).all() and np.isfinite(slope).all()):
+            raise _failure(stretch, "the adjoint is not finite")
+    return slope, bar
+
+
+def _stretches(start: Start, times: Array) -> Iterator[_Stretch]:
+    edges = [0.0, *(b for b in start.breakpoints if 0 < b < times[-1]), float(times[-1])]
+    for begin, end in zip(edges[:-1], edges[1:], strict=True):
+        if end <= begin:
+            continue
+        inside = times[(times > begin) & (times <= end)]
+        grid = inside if inside.size and inside[-1] == end else np.append(inside, end)
+        yield _Stretch(begin, grid, inside.size)
+
+
+@lru_cache(maxsize=64)
+def _augmented(lowered: LoweredSystem, columns: tuple[int, ...]) -> ca.Function:
+    """(t, z, p) -> the rate of the moments and of their derivatives, z = [y; columns of S]."""
+    n, c = lowered.equations.packing.size, len(columns)
+    t, z, p = ca.SX.sym("t"), ca.SX.sym("z", n * (1 + c)), ca.SX.sym("p", len(lowered.parameters))
+    y, S = z[:n], ca.reshape(z[n:], n, c)
+    g = lowered.rate(t, y, p)
+    direction = ca.SX(len(lowered.parameters), c)
+    for k, j in enumerate(columns):
+        if j >= 0:
+            direction[j, k] = 1
+    slopes = [ca.jtimes(g, y, S[:, k]) + ca.jtimes(g, p, direction[:, k]) for k in range(c)]
+    return ca.Function("augmented", [t, z, p], [ca.vertcat(g, *slopes)])
+
+
+_OPTIONS = {
+    "reltol": RTOL / 10,
+    "abstol": RTOL * 1e-4,
+    "max_num_steps": 100_000,
+    "quad_err_con": True,
+    "show_eval_warnings": False,
+    "disable_internal_warnings": True,
+}
+
+
+@lru_cache(maxsize=64)
+def _integrator(lowered: LoweredSystem, columns: tuple[int, ...], grid: tuple[float, ...], way: _Way) -> ca.Function:
+    function = _augmented(lowered, columns)
+    count, size = len(lowered.parameters), function.size1_in(1)
+    return _scaled("forward", function, count, size, list(grid), way)
+
+
+@lru_cache(maxsize=64)
+def _plain(lowered: LoweredSystem, length: float) -> ca.Function:
+    return _scaled("plain", lowered.rate, len(lowered.parameters), lowered.equations.packing.size, [length])
+
+
+def _scaled(name: str, rate: ca.Function, count: int, size: int, grid: list[float], way: _Way = ()) -> ca.Function:
+    """CVODES in units of the sizes; p holds the parameters, the sizes and the time at the beginning."""
+    t, x, p = ca.SX.sym("t"), ca.SX.sym("x", size), ca.SX.sym("p", count + size + 1)
+    scale, begin = p[count : count + size], p[count + size]
+    ode = rate(begin + t, scale * x, p[:count]) / scale
+    options = _OPTIONS | dict(way) | {"augmented_options": {"abstol": 1e-7}}
+    return ca.integrator(name, "cvodes", {"x": x, "p": p, "t": t, "ode": ode}, 0.0, grid, options)
+
+
+def _failure(stretch: _Stretch, reason: object) -> SolverError:
+    return SolverError(
+        f"the derivatives break down between t = {stretch.begin:.6g} and {stretch.grid[-1]:.6g}: "
+        f'{str(reason).splitlines()[0][:200]}. Try `method="forward"`, or an earlier time.',
+        time=stretch.begin,
+    )
+
+
+def check_method(method: str) -> None:
+    """Refuse a method that does not exist."""
+    if method not in METHODS:
+        raise ModelError(f"`{method}` is not a way to find derivatives; those are: {', '.join(METHODS)}.")
+
+
+def quantity(lowered: LoweredSystem, name: str | tuple[str, str], moment: str) -> ca.Function:
+    """(t, y, p) -> value, d/dy, d/dp of one mean, variance or covariance of states, or of an output's moments."""
+    packing, states = lowered.equations.packing, list(lowered.equations.states)
+    outputs = list(lowered.equations.quasi_linear.outputs)
+    t, y, p = ca.SX.sym("t"), ca.SX.sym("y", packing.size), ca.SX.sym("p", len(lowered.parameters))
+    pair = name if isinstance(name, tuple) else (name, name)
+    if moment not in ("mean", "variance"):
+        raise ModelError(f"`{moment}` is not a moment of a quantity; ask for mean or variance.")
+    if all(each in states for each in pair):
+        i, j = sorted(states.index(each) for each in pair)
+        index = np.flatnonzero((packing.triangle[0] == j) & (packing.triangle[1] == i))[0]
+        value = y[i] if moment == "mean" and i == j else y[packing.n + int(index)]
+    elif isinstance(name, str) and name in outputs:
+        value = lowered.outputs(t, y, p)[0 if moment == "mean" else 1][outputs.index(name)]
+    else:
+        raise ModelError(f"`{name}` is neither a state nor an output; those are: {', '.join([*states, *outputs])}.")
+    return ca.Function("quantity", [t, y, p], [value, ca.jacobian(value, y), ca.jacobian(value, p)])
