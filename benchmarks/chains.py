@@ -1,4 +1,4 @@
-"""The models of the benchmarks: chains of any length, non-stiff, stiff, and like a car; three nonlinear elements each."""
+"""The models of the benchmarks: chains of any length with three nonlinear elements; non-stiff, stiff, like a car."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def masses(n: int) -> cs.Model:
 
 
 def relaxations(n: int) -> cs.Model:
-    """Stiff: n first-order lags in a row whose rates spread over 1 .. 1e5; each is driven by noise and its neighbours."""
+    """Stiff: n first-order lags in a row, rates 1 .. 1e5; each is driven by noise and its neighbours."""
     x, w = names("x", n), names("w", n)
     speeds = [sp.Rational(round(10 ** (5 * i / (n - 1)), 6)) for i in range(n)]
     rates = {}
@@ -62,10 +62,7 @@ def car(n: int) -> cs.Model:
             force = force + stiffness[i - 1] * (x[i - 1] - x[i]) - 2 * pull
         if i + 1 < count:
             force = force + stiffness[i] * (x[i + 1] - x[i])
-            if i < 3:
-                force = force + 2 * damper(v[i + 1] - v[i])
-            else:
-                force = force + 2 * (v[i + 1] - v[i])
+            force = force + 2 * (damper(v[i + 1] - v[i]) if i < 3 else v[i + 1] - v[i])
         rates[x[i]], rates[v[i]] = v[i], force + (w[0] if i == count - 1 else 0)
     return white(rates, w, f"car-like {n}")
 

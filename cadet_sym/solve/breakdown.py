@@ -79,7 +79,7 @@ def _judgement(eigenvalues: npt.NDArray[np.complex128]) -> str:
         f"{first.real:.4g}" if abs(first.imag) < 1e-12 * abs(first) else f"{first.real:.4g} +- {abs(first.imag):.4g}i"
     )
     if first.real > 0:
-        return f"the equivalent gain matrix N has the eigenvalue {value} there: the system is unstable and grows without bound"
+        return f"N has the eigenvalue {value} there: the system is unstable and grows without bound"
     return f"the eigenvalue of N with the largest real part is {value}"
 
 

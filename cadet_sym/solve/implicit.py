@@ -4,8 +4,9 @@
 
 With N = W B W^-1 (B of 2 x 2 blocks, one for each pair of eigenvalues a +- ib) the inverse costs four products of
 matrices, whatever n (n + 3) / 2 is: dP = W Z W^T with Z - g (B Z + Z B^T) = W^-1 R W^-T, which couples each entry only
-to those of the same two pairs. All is held in units of the states' own sizes (single precision is not enough: its
-rounding keeps Newton's method from converging where the rates differ widely). Where N has no full set of eigenvectors, a matrix next to it has.
+to those of the same two pairs. All is held in units of the states' own sizes; single precision is not enough, for its
+rounding keeps Newton's method from converging where the rates differ widely. Where N has no full set of eigenvectors, a
+matrix next to it has.
 """
 
 from __future__ import annotations

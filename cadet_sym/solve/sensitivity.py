@@ -4,12 +4,13 @@
     l' = -(dg/dy)^T l                                 adjoint: one run backwards, whatever the number of parameters
 
 where y' = g(t, y, p). The start depends on the parameters too: through the ground's stationary covariance and the
-initial values of the vehicle. Quadratures of the adjoint are under error control: without it CasADi's derivatives can be
-wrong in silence from three parameters on.
+initial values of the vehicle. Quadratures of the adjoint are under error control: without it CasADi's derivatives can
+be wrong in silence from three parameters on.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -86,7 +87,7 @@ def _run_forward(
 
 
 def _first_success(attempt: Callable[[_Way], Array], stretch: _Stretch) -> Array:
-    """Where an element sits on its kink without variance its slope in the variance has no bound, and BDF may not start."""
+    """BDF may not start where an element sits on its kink without variance: its slope in the variance has no bound."""
     reason: object = "the result is not finite"
     for way in ((), (("step0", 1e-7 * float(stretch.grid[-1] - stretch.begin)),), EXPLICIT):
         try:
@@ -135,7 +136,7 @@ def adjoint(lowered: LoweredSystem, start: Start, size: Array, time: float, weig
 
 def _stretches(start: Start, times: Array) -> Iterator[_Stretch]:
     edges = [0.0, *(b for b in start.breakpoints if 0 < b < times[-1]), float(times[-1])]
-    for begin, end in zip(edges[:-1], edges[1:], strict=True):
+    for begin, end in itertools.pairwise(edges):
         if end <= begin:
             continue
         inside = times[(times > begin) & (times <= end)]
