@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -28,7 +27,7 @@ SINGULAR_POLES = (Rule(2, 16, 40), Rule(3, 24, 64, 32))
 UNCHECKED = 3  # which rule is taken where no numbers are known to check it with
 SPREADS = (0.03, 0.3, 1.0, 3.0, 10.0, 100.0)
 PLACES = (-6.0, -2.5, -1.0, 0.0, 0.7, 2.0, 5.0)
-UNKNOWN = (1.0, 0.7, 1.3)  # numbers tried for a parameter whose value is not known
+UNKNOWN = (1.0, 1.2, 0.8)  # numbers tried for a parameter whose value is not known
 
 
 class ExpectationWarning(UserWarning):
@@ -50,26 +49,40 @@ def _reference(part: Integral) -> Rule:
 
 
 def chosen(part: Integral, where: str, wish: Wish) -> Integral:
-    """The piece with the cheapest rule that is accurate enough; a warning if none is."""
-    numbers = _numbers(part, wish.sample)
-    if numbers is None:
-        return replace(part, rule=rules(part)[min(UNCHECKED, len(rules(part)) - 1)], error=wish.error)
+    """The piece with the cheapest rule that is accurate enough; a warning if none is.
+
+    Where the number of a parameter is not known, numbers near one stand for it and nothing is warned of.
+    """
+    free = (part.value.free_symbols | part.lower.free_symbols | part.upper.free_symbols) - {part.argument}
+    known = free <= wish.sample.keys()
+    best = replace(part, rule=rules(part)[min(UNCHECKED, len(rules(part)) - 1)], error=np.inf)
+    for guess in UNKNOWN[: 1 if known else None]:
+        numbers = {s: float(wish.sample.get(s, guess**i)) for i, s in enumerate(sorted(free, key=str))}
+        if _is_finite(part, numbers):
+            found = _cheapest(part, numbers, wish.error)
+            best = found if found.error < best.error else best
+        if best.error <= wish.error:
+            return best
+    if known and best.error > WARNED:
+        warnings.warn(
+            f"{where}: quadrature of `{part.value}` is accurate to {best.error:.0e} only; "
+            "write it in steps that are less steep, or check it with cs.check",
+            ExpectationWarning,
+            stacklevel=2,
+        )
+    return best if known else replace(best, error=min(best.error, WARNED))
+
+
+def _cheapest(part: Integral, numbers: dict[sp.Symbol, float], wanted: float) -> Integral:
     means, spreads = _grid(part, numbers)
     checked = [part] if any(part.singular) else [part, part.derivative()]
     references = [_Reference(p, numbers, means, spreads) for p in checked]
     error = np.inf
     for rule in rules(part):
         error = max(reference.error(rule) for reference in references)
-        if error <= wish.error:
+        if error <= wanted:
             return replace(part, rule=rule, error=error)
-    if error > WARNED:
-        warnings.warn(
-            f"{where}: quadrature of `{part.value}` is accurate to {error:.0e} only; "
-            "write it in steps that are less steep, or check it with cs.check",
-            ExpectationWarning,
-            stacklevel=2,
-        )
-    return replace(part, rule=rules(part)[-1], error=float(error))
+    return replace(part, rule=rules(part)[-1], error=error)
 
 
 class _Reference:
@@ -95,18 +108,13 @@ class _Reference:
         return float(errors.max()) if errors.size else 0.0
 
 
-def _numbers(part: Integral, sample: Mapping[sp.Symbol, float]) -> dict[sp.Symbol, float] | None:
-    """Numbers for the parameters at which the expression has finite values near its cell's middle."""
-    free = (part.value.free_symbols | part.lower.free_symbols | part.upper.free_symbols) - {part.argument}
-    for guess in UNKNOWN:
-        numbers = {s: float(sample.get(s, guess * (1 + 0.1 * i))) for i, s in enumerate(sorted(free, key=str))}
-        low, high = _ends(part, numbers)
-        if not low < high:
-            continue
-        points = np.array([0.5 * (low + high), low + 0.1 * (high - low), low + 0.9 * (high - low)])
-        if np.all(np.isfinite(_value(part, numbers, points))):
-            return numbers
-    return None
+def _is_finite(part: Integral, numbers: dict[sp.Symbol, float]) -> bool:
+    """Whether the expression has finite values within its cell."""
+    low, high = _ends(part, numbers)
+    if not low < high:
+        return False
+    points = np.array([0.5 * (low + high), low + 0.1 * (high - low), low + 0.9 * (high - low)])
+    return bool(np.all(np.isfinite(_value(part, numbers, points))))
 
 
 def _ends(part: Integral, numbers: dict[sp.Symbol, float]) -> tuple[float, float]:

@@ -27,6 +27,12 @@ class DescribingFunction:
     covariances: tuple[sp.Symbol, ...]  # lower triangle row by row: S11; S21, S22; ...
     products: tuple[Product | Nested, ...]
 
+    def formula(self) -> sp.Expr | None:
+        """E[f] written out in `means` and `covariances`, for reading; None if that would be too long."""
+        from cadet_sym.expectation.formula import expectation_formula
+
+        return expectation_formula(self)
+
     @property
     def method(self) -> str:
         """How the expectation is obtained: "closed form" or "quadrature"."""
@@ -41,12 +47,6 @@ class DescribingFunction:
     def error(self) -> float:
         """Estimated relative error of a quadrature; 0 for a closed form."""
         return max((product.error for product in self.products), default=0.0)
-
-    def formula(self) -> sp.Expr | None:
-        """E[f] written out in `means` and `covariances`, for reading; None if that would be too long."""
-        from cadet_sym.expectation.formula import expectation_formula
-
-        return expectation_formula(self)
 
 
 def describing_function(

@@ -8,7 +8,7 @@ import numpy as np
 import sympy as sp
 
 from cadet_sym.errors import LinearisationError, ModelError
-from cadet_sym.expectation.pieces import Cell, Splitter
+from cadet_sym.expectation.pieces import Cell, Splitter, factored
 from cadet_sym.language.numeric import evaluate
 
 
@@ -74,7 +74,7 @@ def zeros(base: sp.Expr, z: sp.Symbol) -> Iterator[sp.Expr]:
     """Real zeros of a polynomial that can be written down."""
     if not base.is_polynomial(z):
         return
-    for factor, _ in sp.factor_list(base)[1]:
+    for factor, _ in factored(base)[1]:
         if not factor.has(z):
             continue
         polynomial = sp.Poly(factor, z)

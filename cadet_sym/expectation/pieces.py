@@ -131,7 +131,7 @@ class Splitter:
         """
         smooth: list[sp.Expr] = []
         pieces: Partition = []
-        for term in sp.Add.make_args(body):
+        for term in _distributed(body, self.z):
             if has_kinks(term, self.z):
                 pieces.extend(self.split(term, Cell()))
             else:
@@ -378,6 +378,18 @@ def has_kinks(expr: sp.Expr, z: sp.Symbol) -> bool:
     return any(node.has(z) for node in expr.atoms(*_KINKED))
 
 
+def _distributed(body: sp.Expr, z: sp.Symbol) -> Iterator[sp.Expr]:
+    """Terms of a sum, products with a sum that has kinks multiplied out: sums need no common partition."""
+    for term in sp.Add.make_args(body):
+        sums = [f for f in term.args if f.is_Add and has_kinks(f, z)] if term.is_Mul else []
+        if not sums:
+            yield term
+            continue
+        rest = sp.Mul(*(f for f in term.args if f != sums[0]))
+        for part in sums[0].args:
+            yield from _distributed(rest * part, z)
+
+
 def affine(expr: sp.Expr, z: sp.Symbol) -> tuple[sp.Expr, sp.Expr] | None:
     """Slope and offset of an expression affine in z."""
     if not expr.is_polynomial(z):
@@ -390,9 +402,16 @@ def affine(expr: sp.Expr, z: sp.Symbol) -> tuple[sp.Expr, sp.Expr] | None:
 
 def factors_of(expr: sp.Expr, z: sp.Symbol) -> list[sp.Expr]:
     """Factors whose product has the sign of the expression: odd powers once, even powers left out."""
-    constant, factors = sp.factor_list(expr) if expr.is_polynomial(z) else (sp.S.One, _literal_factors(expr))
+    constant, factors = factored(expr) if expr.is_polynomial(z) else (sp.S.One, _literal_factors(expr))
     odd = [base for base, power in factors if not (power.is_even if isinstance(power, sp.Basic) else power % 2 == 0)]
     return [constant, *odd] if constant != 1 and odd else odd or [constant]
+
+
+def factored(expr: sp.Expr) -> tuple[sp.Expr, list[tuple[sp.Expr, int]]]:
+    """A constant with the sign of the polynomial's, and its factors with their powers."""
+    numerator, denominator = sp.fraction(sp.together(expr))
+    constant, factors = sp.factor_list(numerator)
+    return constant * denominator, factors
 
 
 def _literal_factors(expr: sp.Expr) -> list[tuple[sp.Expr, sp.Expr]]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from cadet_sym.expectation.pieces import Cell, affine
+from cadet_sym.expectation.pieces import Cell, affine, factored
 
 MAX_STEEP = 4
 
@@ -106,6 +106,11 @@ def _of_function(inner: sp.Expr, z: sp.Symbol, width: sp.Expr) -> Iterator[tuple
         slope, offset = line
         yield -offset / slope, width / sp.Abs(slope)
         return
+    polynomial = sp.Poly(inner, z)
+    if polynomial.degree() == 2:
+        a, b, _ = polynomial.all_coeffs()
+        yield -b / (2 * a), width / sp.sqrt(sp.Abs(a))
+        return
     for centre, _ in _zeros(inner, z):
         slope = sp.diff(inner, z).subs(z, centre)
         yield centre, width / (sp.Abs(slope) + 1)
@@ -113,7 +118,7 @@ def _of_function(inner: sp.Expr, z: sp.Symbol, width: sp.Expr) -> Iterator[tuple
 
 def _zeros(inner: sp.Expr, z: sp.Symbol) -> Iterator[tuple[sp.Expr, sp.Expr]]:
     """Real part and size of the imaginary part of the zeros of a polynomial."""
-    for factor, _ in sp.factor_list(inner)[1]:
+    for factor, _ in factored(inner)[1]:
         if not factor.has(z):
             continue
         polynomial = sp.Poly(factor, z)

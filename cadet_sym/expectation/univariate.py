@@ -3,20 +3,13 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import cache
 
 import sympy as sp
 
-from cadet_sym.expectation.closed_form import (
-    JUMPS_KEPT,
-    PLAIN,
-    PiecewiseForm,
-    decompose,
-    jumps_of,
-    normal,
-    piecewise_form,
-)
+from cadet_sym.expectation.closed_form import PiecewiseForm, Term, decompose, jump_of, normal, piecewise_form
 from cadet_sym.expectation.existence import require_expectation
 from cadet_sym.expectation.pieces import Cell, Splitter
 from cadet_sym.expectation.quadrature import Integral, Wish, integrals
@@ -26,10 +19,22 @@ from cadet_sym.expectation.tables import Table, tables_in
 
 @dataclass(frozen=True)
 class Jump:
-    """Jumps of f, f', f'', .. at a kink."""
+    """By how much f changes at a kink: the terms of its closed part, and the pieces that have none, with their sign."""
 
     position: sp.Expr
-    sizes: tuple[sp.Expr, ...]
+    terms: tuple[Term, ...]
+    pieces: tuple[tuple[int, sp.Expr], ...]
+    argument: sp.Symbol
+    is_singular: bool  # whether derivatives are infinite there
+
+    @cache  # noqa: B019 (the records are few and live as long as the process needs them)
+    def size(self, order: int) -> sp.Expr:
+        """Jump of the derivative of that order; of derivatives that are infinite none is counted."""
+        total = jump_of(self.terms, order)
+        if self.pieces and not (order and self.is_singular):
+            change = sp.Add(*(sign * value for sign, value in self.pieces))
+            total += _value_at(sp.diff(change, self.argument, order), self.argument, self.position)
+        return normal(total)
 
 
 @dataclass(frozen=True)
@@ -89,42 +94,34 @@ def univariate(body: sp.Expr, z: sp.Symbol, where: str, wish: Wish) -> Univariat
             cells.append((cell, value))
             parts_left.extend(integrals(cell, value, z, where, wish))
     closed = piecewise_form(known)
-    found = {kink.position: jumps_of(kink.terms) for kink in closed.kinks}
-    for position, sizes in _jumps(cells, z).items():
-        before = found.get(position, [sp.S.Zero] * JUMPS_KEPT)
-        found[position] = [normal(a + b) for a, b in zip(before, sizes, strict=True)]
-    jumps = (Jump(k, tuple(sizes)) for k, sizes in found.items() if any(size != 0 for size in sizes))
-    return Univariate(closed, tuple(jumps), tables, tuple(parts_left))
+    return Univariate(closed, tuple(_jumps(closed, cells, z)), tables, tuple(parts_left))
 
 
 def _is_summable(parts: Iterable[tuple[sp.Expr, sp.Expr]], cell: Cell) -> bool:
-    """Whether the closed form holds: exp(b z^2) with b > 0 has one at small variance only."""
-    whole = not cell.lowers and not cell.uppers
-    return all(b == PLAIN[1] or b.is_nonpositive or (whole and not b.is_positive) for _, b in parts)
+    """Whether the closed form holds: between two kinks exp(b z^2), b > 0, has one at small variance only."""
+    between = bool(cell.lowers and cell.uppers)
+    return all(b == 0 or b.is_extended_nonpositive or not between for _, b in parts)
 
 
-def _jumps(cells: Iterable[tuple[Cell, sp.Expr]], z: sp.Symbol) -> dict[sp.Expr, list[sp.Expr]]:
-    """Jumps of the function and its derivatives at the ends of cells; of derivatives not at a singular end."""
-    at: dict[sp.Expr, sp.Expr] = defaultdict(lambda: sp.S.Zero)
+def _jumps(
+    closed: PiecewiseForm, cells: Iterable[tuple[Cell, sp.Expr]], z: sp.Symbol
+) -> Iterator[Jump]:
+    """The changes at all kinks and ends of pieces."""
+    terms = {kink.position: kink.terms for kink in closed.kinks}
+    pieces: dict[sp.Expr, list[tuple[int, sp.Expr]]] = defaultdict(list)
     singular: set[sp.Expr] = set()
     for cell, value in cells:
         for bound, sign in ((cell.lower, 1), (cell.upper, -1)):
             if not bound.is_infinite:
-                at[bound] += sign * cell.indicated(value)
+                pieces[bound].append((sign, cell.indicated(value)))
                 if singular_at(value, z, bound):
                     singular.add(bound)
-    result = {}
-    for position, change in at.items():
-        sizes = [_value_at(change, z, position)]
-        while len(sizes) < JUMPS_KEPT:
-            change = sp.diff(change, z)
-            sizes.append(sp.S.Zero if position in singular else _value_at(change, z, position))
-        result[position] = sizes
-    return result
+    for position in dict.fromkeys((*terms, *pieces)):
+        own = tuple(pieces.get(position, ()))
+        yield Jump(position, terms.get(position, ()), own, z, position in singular)
 
 
 def _value_at(expr: sp.Expr, z: sp.Symbol, position: sp.Expr) -> sp.Expr:
     """Value at an end, where a power of zero is zero: one that is not has no jump that could be counted."""
     value = expr.subs(z, position).replace(lambda e: isinstance(e, sp.Pow) and e.base == 0, lambda e: sp.S.Zero)
-    value = normal(value)
     return sp.S.Zero if value.has(sp.zoo, sp.nan, sp.oo) else value

@@ -62,8 +62,9 @@ class Gaussian:
             form = form.derivative()
         total = self._piecewise(form)
         for jump in function.jumps:
-            for j, size in enumerate(jump.sizes[:order]):
-                if size != 0 and j >= since:
+            for j in range(since, order):
+                size = jump.size(j)
+                if size != 0:
                     total += self.value(size) * self.impulse(jump.position, order - 1 - j)
         for table in function.tables:
             total += table_moment(table, self, order)

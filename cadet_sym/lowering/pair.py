@@ -51,7 +51,7 @@ class Pair:
         a, b = _derivative(f.closed, orders[0]), _derivative(g.closed, orders[1])
         total = self._regular(a, b)
         total += self._impulses(f, orders[0], g, orders[1])
-        total += self.swapped()._impulses(g, orders[1], f, orders[0], regular_only=True)
+        total += self.swapped()._impulses(g, orders[1], f, orders[0], since=orders[0])
         return total
 
     # -- polynomials and tails ------------------------------------------------------------------------------------
@@ -128,26 +128,24 @@ class Pair:
             self.conditionals[position] = Gaussian(self.y.m - self.rho * self.y.s * u, p, self.y.env)
         return self.conditionals[position]
 
-    def _impulses(
-        self, f: Univariate, i: int, g: Univariate, j: int, *, regular_only: bool = False
-    ) -> ca.SX:
-        """E of the impulses of f^(i) times g^(j); `regular_only` leaves the impulses of g^(j) out."""
+    def _impulses(self, f: Univariate, i: int, g: Univariate, j: int, *, since: int = 0) -> ca.SX:
+        """E of the impulses of f^(i) times g^(j), without those impulses that jumps of g^(l), l < since, leave."""
         total = ca.SX(0)
         for jump in f.jumps:
-            if not any(size != 0 for size in jump.sizes[:i]):
-                continue
-            given = self.given(jump.position)
-            phi, u = self.x.density(jump.position)
-            ratio = self.rho * self.y.s / self.x.s
-            for order, size in enumerate(jump.sizes[:i]):
-                if size == 0:
-                    continue
-                q = i - 1 - order
-                # E[delta^(q)(x - k) g] = (-d/dx)^q of the density of x times E[g | x]
-                for l in range(q + 1):
-                    inner = given.expectation(g, j + l, since=j if regular_only else 0)
-                    outer = hermite(-u, q - l) * phi / self.x.s ** (q - l + 1)
-                    total += self.x.value(size) * comb(q, l) * (-ratio) ** l * outer * inner
+            for order in range(i):
+                size = jump.size(order)
+                if size != 0:
+                    total += self.x.value(size) * self._impulse(jump.position, i - 1 - order, g, j, since)
+        return total
+
+    def _impulse(self, position: sp.Expr, q: int, g: Univariate, j: int, since: int) -> ca.SX:
+        """E[delta^(q)(x - k) g^(j)(y)] = (-d/dx)^q of the density of x times E[g^(j) | x], at k."""
+        given, (phi, u) = self.given(position), self.x.density(position)
+        ratio = self.rho * self.y.s / self.x.s
+        total = ca.SX(0)
+        for l in range(q + 1):
+            outer = hermite(-u, q - l) * phi / self.x.s ** (q - l + 1)
+            total += comb(q, l) * (-ratio) ** l * outer * given.expectation(g, j + l, since=since)
         return total
 
 
