@@ -16,6 +16,7 @@ Read it in the order in which a model passes through it:
     solve/          integrate them, find their fixed points
     compiled.py     all of the above in one: what `compile` returns
     export/         C that stands alone
+    sweep.py        the same model at many values of its parameters
     simulate/       the judge: Monte Carlo of the original model, which shares nothing after augment.py
     report.py       the verdict: what CADET says against what the judge says
 
@@ -43,6 +44,7 @@ from cadet_sym.moments import MomentEquations, moment_equations
 from cadet_sym.report import Comparison, compare
 from cadet_sym.results import MomentHistory, StationaryMoments
 from cadet_sym.simulate import Ensemble, simulate
+from cadet_sym.sweep import Sweep, sweep
 
 __all__ = [
     "AugmentedSystem",
@@ -68,6 +70,7 @@ __all__ = [
     "ShapingFilter",
     "SolverError",
     "StationaryMoments",
+    "Sweep",
     "Travel",
     "Vehicle",
     "augment",
@@ -81,4 +84,5 @@ __all__ = [
     "moment_equations",
     "shaping_filter",
     "simulate",
+    "sweep",
 ]

@@ -1,0 +1,192 @@
+"""Run a model at many values of its parameters, in parallel, and label what comes back.
+
+Every point is a run of its own from declared starts: results are the same bit for bit, whoever computes them and in
+whatever order. A point that fails is kept as such, with its message; the others are not touched by it.
+"""
+
+from __future__ import annotations
+
+import itertools
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from cadet_sym.compiled import CompiledModel, compile
+from cadet_sym.errors import ModelError, SolverError
+from cadet_sym.language.model import Model
+from cadet_sym.language.modelfile import load
+from cadet_sym.results import MomentHistory
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["Sweep", "sweep"]
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """The runs of a sweep in the order of its points; None where one failed."""
+
+    model: str
+    parameters: tuple[str, ...]
+    points: Array  # (k, parameters) values at every point
+    axes: tuple[Array, ...]  # values along every axis of a grid; empty for samples
+    histories: tuple[MomentHistory | None, ...]
+    failures: Mapping[int, str]  # point: why there is no run
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def __getitem__(self, index: int) -> MomentHistory | None:
+        return self.histories[index]
+
+    def to_xarray(self) -> xr.Dataset:
+        """All moments in one data set: a dimension a parameter, or `sample` for samples; NaN where a run failed."""
+        import xarray as xr
+
+        known = next((each for each in self.histories if each is not None), None)
+        if known is None:
+            raise SolverError(f"no point of the sweep has a result; the first failed so: {self.failures[0]}")
+        parts = {
+            "mean": (("time", "state"), "state_mean"),
+            "covariance": (("time", "state", "state_2"), "state_covariance"),
+            "output_mean": (("time", "output"), "output_mean"),
+            "output_variance": (("time", "output"), "output_variance"),
+        }
+        leading = self.parameters if self.axes else ("sample",)
+        shape = tuple(len(axis) for axis in self.axes) if self.axes else (len(self.points),)
+        data = {}
+        for title, (dimensions, attribute) in parts.items():
+            nothing = np.full_like(getattr(known, attribute), np.nan)
+            rows = [nothing if each is None else getattr(each, attribute) for each in self.histories]
+            data[title] = ((*leading, *dimensions), np.stack(rows).reshape(*shape, *nothing.shape))
+        failed = np.array([each is None for each in self.histories]).reshape(shape)
+        data["failed"] = (leading, failed)
+        coordinates: dict[str, Any] = {"time": known.time, "state": list(known.states), "state_2": list(known.states)}
+        coordinates["output"] = list(known.outputs)
+        if self.axes:
+            coordinates |= dict(zip(self.parameters, self.axes, strict=True))
+        else:
+            coordinates |= {name: ("sample", self.points[:, j]) for j, name in enumerate(self.parameters)}
+        attributes = {"model": self.model, "failures": "\n".join(self.failures.values())}
+        return xr.Dataset(data, coords=coordinates, attrs=attributes)
+
+
+def sweep(
+    model: Model | str | Path,
+    values: Mapping[str, Sequence[float]],
+    *,
+    kind: Literal["grid", "samples"] = "grid",
+    executor: Executor | Any | None = None,
+    workers: int | None = None,
+    progress: bool | None = None,
+    **run: Any,
+) -> Sweep:
+    """Propagate the moments at every point of a grid of parameters, or at every sample.
+
+    Parameters
+    ----------
+    values : values by parameter. A grid is their product, the last varying fastest; samples stand side by side.
+    executor : anything with the `submit` of `concurrent.futures`: a Dask client's or MPI's executor spreads the sweep
+        over many machines. By default processes on this one; `workers=1` stays in this process.
+    progress : show a bar on standard error; by default if that is a terminal.
+    run : arguments of `CompiledModel.propagate` (times, duration, points, rtol, engine).
+
+    Raises
+    ------
+    ModelError
+        If the model or a name is wrong. A point at which the numbers go wrong is kept as a failure.
+    """
+    model = model if isinstance(model, Model) else load(model)
+    names, points, axes = _points(values, kind)
+    compiled = _compiled(model)
+    for row in points[:1]:
+        compiled.parameter_vector(dict(zip(names, row.tolist(), strict=True)))
+    if executor is None and (workers == 1 or len(points) < 2):
+        results = {i: _run(model, names, row, run) for i, row in _shown(enumerate(points), len(points), progress)}
+    else:
+        with _pool(executor, workers) as pool:
+            waiting = {pool.submit(_run, model, names, row, run): i for i, row in enumerate(points)}
+            done = _shown(_completed(waiting), len(points), progress)
+            results = {waiting[future]: _outcome(future) for future in done}
+    histories = [results[i] for i in range(len(points))]
+    failures = {i: each for i, each in enumerate(histories) if isinstance(each, str)}
+    kept = tuple(None if isinstance(each, str) else each for each in histories)
+    return Sweep(model.name, names, points, axes, kept, failures)
+
+
+def _points(values: Mapping[str, Sequence[float]], kind: str) -> tuple[tuple[str, ...], Array, tuple[Array, ...]]:
+    names, columns = tuple(values), [np.atleast_1d(np.asarray(v, dtype=float)) for v in values.values()]
+    if not names or any(column.ndim != 1 or not column.size or not np.isfinite(column).all() for column in columns):
+        raise ModelError("a sweep needs at least one parameter, and finite values for each.")
+    if kind == "grid":
+        return names, np.array(list(itertools.product(*columns))), tuple(columns)
+    if kind != "samples":
+        raise ModelError(f"`{kind}` is not a kind of sweep; those are: grid, samples.")
+    if len({column.size for column in columns}) > 1:
+        sizes = ", ".join(f"{name}: {column.size}" for name, column in zip(names, columns, strict=True))
+        raise ModelError(f"samples need as many values for each parameter, but there are {sizes}.")
+    return names, np.column_stack(columns), ()
+
+
+_here: dict[str, CompiledModel] = {}
+
+
+def _compiled(model: Model) -> CompiledModel:
+    """Compiled once in each process."""
+    if model.hash not in _here:
+        if len(_here) > 3:
+            _here.clear()
+        _here[model.hash] = compile(model)
+    return _here[model.hash]
+
+
+def _run(model: Model, names: Sequence[str], row: Array, run: Mapping[str, Any]) -> MomentHistory | str:
+    """One point, in whatever process; a numerical failure comes back as its message."""
+    try:
+        return _compiled(model).propagate(parameters=dict(zip(names, row.tolist(), strict=True)), **run)
+    except (SolverError, ArithmeticError) as error:
+        return f"{', '.join(f'{n} = {v:g}' for n, v in zip(names, row, strict=True))}: {error}"
+
+
+def _outcome(future: Any) -> MomentHistory | str:
+    return future.result()
+
+
+@contextmanager
+def _pool(executor: Any, workers: int | None) -> Iterator[Any]:
+    """The executor handed in, left open; or processes of our own, started afresh so that no lock is inherited."""
+    if executor is not None:
+        yield executor
+        return
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        yield pool
+
+
+def _completed(waiting: Mapping[Any, int]) -> Iterator[Any]:
+    """Futures as they finish; those of other executors than the standard library's in order."""
+    if all(isinstance(future, Future) for future in waiting):
+        yield from as_completed(waiting)
+    else:
+        yield from waiting
+
+
+def _shown(items: Any, total: int, progress: bool | None) -> Iterator[Any]:
+    """The items, with a bar on standard error."""
+    if not (sys.stderr.isatty() if progress is None else progress):
+        yield from items
+        return
+    from rich.console import Console
+    from rich.progress import track
+
+    yield from track(items, description="sweep", total=total, console=Console(stderr=True))
