@@ -5,6 +5,7 @@ The command line turns the class into its exit status: 2 for a wrong model or wr
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 
@@ -109,19 +110,11 @@ def caret(text: str, column: int, *, width: int = 100, indent: str = "    ") -> 
 
 
 def _find_word(text: str, word: str) -> int | None:
-    """Position of the first occurrence of `word` in `text` that is not part of a longer name."""
-    position = text.find(word)
-    while position >= 0:
-        before = text[position - 1 : position]
-        after = text[position + len(word) : position + len(word) + 1]
-        if not (_in_name(before) or _in_name(after)):
-            return position
-        position = text.find(word, position + 1)
-    return None
-
-
-def _in_name(character: str) -> bool:
-    return character == "_" or character.isalnum()
+    """Where `word`, a name or a short piece of text, first stands by itself in `text`, blanks aside."""
+    pieces = re.findall(r"\w+|\S", word)
+    pattern = r"\s*".join(map(re.escape, pieces))
+    found = re.search(rf"(?<!\w){pattern}(?!\w)", text)
+    return found.start() if found else None
 
 
 def _rebuild(kind: type[ModelError], message: str, state: dict[str, Any]) -> ModelError:

@@ -51,7 +51,7 @@ speed = "a*t"
 [outputs]
 closure = "x"
 damper_force = "gamma*oleo(v)"
-acceleration = "der(v)"
+velocity = "der(x)"
 power = "damper_force*v"
 
 [run]
@@ -373,12 +373,19 @@ def test_a_table_in_a_folder_below_is_read(tmp_path):
         (("zeta = 0.01", "zeta = 0.01\n's' = 3"), ("parameters", "s"), "reserved for distance", None),
         (('closure = "x"', 'h = "x"'), ("outputs", "h"), "is a contact and an output", None),
         (('closure = "x"', 'closure = "power"'), ("outputs", "closure"), "declared later", "power"),
-        (('"der(v)"', '"der(v, 2)"'), ("outputs", "acceleration"), "only the first derivative", "v, 2)"),
+        (('"der(x)"', '"der(x, 2)"'), ("outputs", "velocity"), "only the first derivative", "x, 2)"),
         (("setback = 0.0", "setback = -1.0"), ("contacts", "h.setback"), "-1 found", None),
         (("setback = 0.0", "setback = 't'"), ("contacts", "h.setback"), "time, `t`", "t"),
         (("setback = 0.0", "setbak = 0.0"), ("contacts.h", "setbak"), "did you mean `setback`", None),
         (('track = "main"', "track = 2"), ("contacts.h", "track"), "a text is wanted", None),
         (("h = { setback = 0.0, track = \"main\" }", "h = 0"), ("contacts", "h"), "a table is wanted", None),
+        (('"der(x)"', '"der(v)"'), ("outputs", "velocity"), "rate of `v` contains white noise", "der(v)"),
+        (('"der(x)"', '"der(h , 2)"'), ("outputs", "velocity"), "infinite variance", "der(h , 2)"),
+        (("rolling_contact = 2.0", ""), ("rates", "v"), "too rough for `der(h, 2)`", "der(h, 2)"),
+        (("der(h, 2)", "der(h,4)"), ("rates", "v"), "needs 2 more filter stages", "der(h,4)"),
+        (("der(h, 2)", "x*der(h, 2)"), ("rates", "v"), "not by a state", "der(h, 2)"),
+        (("der(h, 2)", "abs(der(h, 2))"), ("rates", "v"), "not by a state", "der(h, 2)"),
+        (("der(h, 2)", "oleo(der(h, 2))"), ("rates", "v"), "enters an element", "der(h, 2)"),
         (('[contacts]\nh = { setback = 0.0, track = "main" }', ""), ("rates", "v"), "undeclared name `h`", "h, 2)"),
         (('kind = "exponential"', 'kind = "exponental"'), ("ground", "kind"), "mean `exponential`", "exponental"),
         (('kind = "exponential"\n', ""), ("ground", ""), "`kind` is missing", None),
@@ -435,6 +442,7 @@ def test_what_is_wrong_is_named(change, place, words, at):
         ('x = "v"', ("initial", "x"), "is a state"),
         ('x = "h**2"', ("initial", "x"), "linear in the contacts"),
         ('x = "h*der(h)"', ("initial", "x"), "linear in the contacts"),
+        ('x = "der(h, 2)"', ("initial", "x"), "infinite variance"),
         ('x = "abs(h)"', ("initial", "x"), "linear in the contacts"),
         ('x = "t"', ("initial", "x"), "time, `t`"),
         ('ground = "rough"', ("initial", "ground"), '"stationary" or "smooth"'),

@@ -11,6 +11,7 @@ from cadet_sym.errors import ModelError
 from cadet_sym.language.ground import Ground
 from cadet_sym.language.needs import find_circle, parameter_values
 from cadet_sym.language.places import Places
+from cadet_sym.language.roughness import check_noise
 from cadet_sym.language.scope import Scope
 from cadet_sym.language.vocabulary import ElementCall, der, symbol
 
@@ -30,7 +31,6 @@ def structure(model: Model) -> None:
     no_recursion({name: _calls(e.value) for name, e in vehicle.elements.items()})
     for state, rate in vehicle.rates.items():
         _within(places.rate(), rate, table="rates", key=state.name)
-        linear_noise(rate, places, state.name)
     for name, output in vehicle.outputs.items():
         _within(places.output(name), output, table="outputs", key=name)
     for contact, where in vehicle.contacts.items():
@@ -47,6 +47,7 @@ def structure(model: Model) -> None:
     if model.ground is not None:
         ground_names(model.ground, places)
     _initial(model, places)
+    check_noise(model)
     _within(places.number("the duration"), model.run.duration, table="run", key="duration")
 
 
@@ -108,22 +109,6 @@ def no_recursion(calls: Mapping[str, set[str]]) -> None:
 
 def _calls(expr: sp.Basic) -> set[str]:
     return {call.name for call in expr.atoms(ElementCall)}
-
-
-def linear_noise(rate: sp.Expr, places: Places, state: str) -> None:
-    """White noise enters a rate linearly, multiplied by parameters, t and s only."""
-    noises = {symbol(name) for name in places.of_kind("noise")} & rate.free_symbols
-    foreign = {symbol(n) for n in (*places.of_kind("state"), *places.of_kind("contact"), *places.of_kind("noise"))}
-    for noise in sorted(noises, key=str):
-        where = {"table": "rates", "key": state, "token": noise.name}
-        if any(noise in call.free_symbols for call in rate.atoms(ElementCall)):
-            raise ModelError(f"the white noise `{noise}` enters an element: its variance would be infinite", **where)
-        if sp.diff(rate, noise).free_symbols & foreign:
-            raise ModelError(
-                f"the white noise `{noise}` may be multiplied by parameters, `t` and `s`, not by a state; "
-                "it may not pass through a function either",
-                **where,
-            )
 
 
 def ground_names(ground: Ground, places: Places) -> None:

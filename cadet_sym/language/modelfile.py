@@ -13,7 +13,7 @@ import sympy as sp
 
 from cadet_sym.errors import ModelError
 from cadet_sym.language.bounds import current_limits
-from cadet_sym.language.check import linear_noise, no_recursion
+from cadet_sym.language.check import no_recursion
 from cadet_sym.language.element import Element, declared_arguments, declared_name
 from cadet_sym.language.entries import CURVE_KEYS, Entries, expression, noise_names, one_of, read_noise
 from cadet_sym.language.groundfile import read_ground
@@ -188,7 +188,6 @@ class _Document:
         rates = {}
         for name in self.table("rates").content:
             rates[symbol(name)] = self.table("rates").expression(name, self.places.rate())
-            linear_noise(rates[symbol(name)], self.places, name)
         contacts = {symbol(name): self._contact(name) for name in self.table("contacts").content}
         outputs = {
             name: self.table("outputs").expression(name, self.places.output(name))
