@@ -9,10 +9,8 @@ from __future__ import annotations
 import itertools
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -26,6 +24,8 @@ from cadet_sym.language.modelfile import load
 from cadet_sym.results import MomentHistory
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     import xarray as xr
 
 __all__ = ["Sweep", "sweep"]
@@ -169,12 +169,17 @@ def _pool(executor: Any, workers: int | None) -> Iterator[Any]:
     if executor is not None:
         yield executor
         return
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         yield pool
 
 
 def _completed(waiting: Mapping[Any, int]) -> Iterator[Any]:
     """Futures as they finish; those of other executors than the standard library's in order."""
+    from concurrent.futures import Future, as_completed
+
     if all(isinstance(future, Future) for future in waiting):
         yield from as_completed(waiting)
     else:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from reference_models import toml
@@ -100,6 +102,11 @@ def test_an_oleo_that_starts_on_its_kink():
 
 def test_unknown_names_are_refused():
     compiled = cs.compile(toml(CHAIN))
-    for arguments in ({"name": "nothing"}, {"name": "x", "parameters": ["k9"]}, {"name": "x", "method": "magic"}):
+    wrong: tuple[dict[str, Any], ...] = (
+        {"name": "nothing"},
+        {"name": "x", "parameters": ["k9"]},
+        {"name": "x", "method": "magic"},
+    )
+    for arguments in wrong:
         with pytest.raises(ModelError):
             compiled.gradient(**arguments)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 import sympy as sp
@@ -125,7 +127,7 @@ def test_an_unstable_model_says_when_where_and_why_and_keeps_what_was_reached():
     model = toml('name = "u"\n[rates]\nx = "x + x**3 + w"\ny = "-y + w"\n[noise]\nw = 1.0\n[run]\nduration = 50.0')
     with pytest.raises(SolverError, match=r"variance of `x`.*eigenvalue") as caught:
         cs.compile(model).propagate(points=1001)
-    error = caught.value
+    error: Any = caught.value
     assert 0.1 < error.time < 2.0
     assert error.state == "x"
     assert error.eigenvalues[0].real > 1
@@ -139,8 +141,9 @@ def test_a_rate_that_does_not_exist_is_named():
     model = toml('name = "n"\n[rates]\nx = "-x"\ny = "-y + sqrt(1 - t)"\n[run]\nduration = 3.0')
     with pytest.raises(SolverError, match="mean of `y`") as caught:
         cs.compile(model).propagate(points=31)
-    assert caught.value.time == pytest.approx(1.0, abs=0.05)
-    assert caught.value.partial.time[-1] == pytest.approx(1.0, abs=0.11)
+    error: Any = caught.value
+    assert error.time == pytest.approx(1.0, abs=0.05)
+    assert error.partial.time[-1] == pytest.approx(1.0, abs=0.11)
 
 
 @pytest.mark.parametrize(
@@ -164,13 +167,12 @@ def test_wrong_arguments_are_named(arguments, message):
 @pytest.mark.parametrize("n", [1, 4, 7])
 def test_the_implicit_inverse_solves_its_own_equation(n, seed):
     rng = np.random.default_rng(seed)
-    packing, scale, g = Packing(n, distance=True, ground=2 * n), rng.uniform(0.1, 10, n), 0.3
+    packing, scale, g = Packing(n, distance=True), rng.uniform(0.1, 10, n), 0.3
     N = rng.standard_normal((n, n)) - 2 * np.eye(n)
     form = scaled_form(N, scale)
     y = rng.standard_normal(packing.size)
     mean, P = packing.unpack(y)
     r = np.concatenate([packing.pack(mean - g * N @ mean, P - g * (N @ P + P @ N.T)), y[packing.moments :]])
-    r[-2 * n :] = (y[-2 * n :].reshape(2, n) @ (np.eye(n) - g * N).T).ravel()
     z = np.empty_like(r)
     Inverse.build(PackedIndex(packing), scale, form, g).apply(r, z)
     np.testing.assert_allclose(z, y, rtol=1e-8, atol=1e-9 * np.abs(y).max())

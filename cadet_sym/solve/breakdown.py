@@ -68,7 +68,7 @@ def _eigenvalues(lowered: LoweredSystem, p: Array, t: float, y: Array) -> npt.ND
     if not np.isfinite(N).all():
         return np.full(len(N), np.nan, dtype=complex)
     found = np.linalg.eigvals(N).astype(complex)
-    return found[np.argsort(-found.real)]
+    return found[np.argsort(-np.real(found))]
 
 
 def _judgement(eigenvalues: npt.NDArray[np.complex128]) -> str:

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from cadet_sym.lowering.system import LoweredSystem
 from cadet_sym.solve.breakdown import Breakdown
+from cadet_sym.solve.evaluate import give, take
 from cadet_sym.solve.scales import Tolerance
 
 __all__ = ["Direct"]
@@ -45,9 +46,9 @@ class Direct:
         size = self.tolerance.size
         inputs = np.concatenate([self.p, size, [begin]])
         start, found = y / size, np.empty((len(grid), len(y)))
-        buffer.set_arg(integrator.index_in("x0"), memoryview(start))
-        buffer.set_arg(integrator.index_in("p"), memoryview(inputs))
-        buffer.set_res(integrator.index_out("xf"), memoryview(found))
+        give(buffer, integrator.index_in("x0"), start)
+        give(buffer, integrator.index_in("p"), inputs)
+        take(buffer, integrator.index_out("xf"), found)
         try:
             evaluate()
         except RuntimeError as error:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 from math import isfinite
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -11,7 +12,7 @@ import numpy.typing as npt
 
 from cadet_sym.lowering.system import LoweredSystem
 
-__all__ = ["Rate", "gains", "over_time"]
+__all__ = ["Rate", "gains", "give", "over_time", "take"]
 
 Array = npt.NDArray[np.float64]
 
@@ -22,14 +23,24 @@ HUGE = 1e150
 """Stands for a rate that is not finite."""
 
 
+def give(buffer: Any, i: int, memory: Any) -> None:
+    """Let a function's buffer read its i-th argument from the caller's memory."""
+    buffer.set_arg(i, memoryview(memory))
+
+
+def take(buffer: Any, i: int, memory: Any) -> None:
+    """Let a function's buffer write its i-th result into the caller's memory."""
+    buffer.set_res(i, memoryview(memory))
+
+
 class Rate:
     """dy/dt written into the caller's memory; counts its evaluations."""
 
     def __init__(self, lowered: LoweredSystem, p: Array) -> None:
         self.buffer, self.evaluate = lowered.rate.buffer()
         self.time, self.p = np.zeros(1), np.ascontiguousarray(p, dtype=float)
-        self.buffer.set_arg(0, memoryview(self.time))
-        self.buffer.set_arg(2, memoryview(self.p))
+        give(self.buffer, 0, self.time)
+        give(self.buffer, 2, self.p)
         self.count, self._last, self._same = 0, -1.0, 0
 
     @property
@@ -45,8 +56,8 @@ class Rate:
             return
         self.time[0] = t
         self._last = self._last if self._same else t
-        self.buffer.set_arg(1, memoryview(y))
-        self.buffer.set_res(0, memoryview(slope))
+        give(self.buffer, 1, y)
+        take(self.buffer, 0, slope)
         self.evaluate()
         self.count += 1
         if not isfinite(slope.sum()):  # SUNDIALS shortens its step for what is huge, and trips over what is no number
@@ -70,9 +81,9 @@ def over_time(function: ca.Function, time: Array, y: Array, p: Array) -> list[Ar
     inputs = [np.ascontiguousarray(part, dtype=float) for part in (time, y, p)]
     buffer, evaluate = _mapped(function, k).buffer()
     for i, part in enumerate(inputs):
-        buffer.set_arg(i, memoryview(part))
+        give(buffer, i, part)
     for i, result in enumerate(results):
-        buffer.set_res(i, memoryview(result))
+        take(buffer, i, result)
     evaluate()
     return results
 

@@ -14,6 +14,7 @@ import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -76,7 +77,7 @@ def forward(
     return np.array(moments), np.array(slopes)
 
 
-_Way = tuple[tuple[str, object], ...]
+_Way = tuple[tuple[str, Any], ...]
 
 
 def _run_forward(
@@ -186,7 +187,7 @@ def _scaled(name: str, rate: ca.Function, count: int, size: int, grid: list[floa
     t, x, p = ca.SX.sym("t"), ca.SX.sym("x", size), ca.SX.sym("p", count + size + 1)
     scale, begin = p[count : count + size], p[count + size]
     ode = rate(begin + t, scale * x, p[:count]) / scale
-    options = _OPTIONS | dict(way) | {"augmented_options": {"abstol": 1e-7}}
+    options: Any = _OPTIONS | dict(way) | {"augmented_options": {"abstol": 1e-7}}
     return ca.integrator(name, "cvodes", {"x": x, "p": p, "t": t, "ode": ode}, 0.0, grid, options)
 
 
