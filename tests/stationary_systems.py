@@ -248,15 +248,15 @@ def moment_jacobian(p: FrozenProblem, mean: Array, covariance: Array) -> Array:
     return np.array(J).T
 
 
-def random_system(seed: int) -> tuple[FrozenProblem, Array, Array]:
-    """A random problem of 2 to 30 states and 1 to 6 elements with a stable solution, and that solution.
+def random_system(seed: int, largest: int = 30) -> tuple[FrozenProblem, Array, Array]:
+    """A random problem of 2 to `largest` states and 1 to 6 elements with a stable solution, and that solution.
 
     The linearised system is drawn first, the elements are put in, and the linear part and the loads are what is
     left: so the solution is known exactly, and the linear part alone may well be unstable.
     """
     rng = np.random.default_rng(seed)
     while True:
-        n, J = int(rng.integers(2, 31)), int(rng.integers(1, 7))
+        n, J = int(rng.integers(2, largest + 1)), int(rng.integers(1, 7))
         N = _gain_matrix(rng, n)
         if np.linalg.eigvals(N).real.max() > -1e-3:
             continue

@@ -43,6 +43,7 @@ class Attempt:
         return f"{self.rung}: {end} after {self.iterations} iterations, residual {self.best.residual:.1e}"
 
 
+@np.errstate(all="ignore")  # what overflows is seen in the evaluation, and refused
 def newton(problem: FrozenProblem, start: tuple[Array, Array], limit: int = 30, name: str = "Newton") -> Attempt:
     """Damped exact Newton iteration on the mean (n,) and the covariance (n, n)."""
     at = best = evaluate(problem, *start)
@@ -102,6 +103,7 @@ def _damped_step(lin: LinearisedMoments) -> tuple[Evaluation | None, float]:
     return None, np.inf
 
 
+@np.errstate(all="ignore")
 def follow(
     problem: FrozenProblem,
     start: tuple[Array, Array],

@@ -113,6 +113,7 @@ def scattered(view: Frame, count: int) -> Iterator[Attempt]:
         yield follow(p, begin, limit=60, name=f"pseudo-transient from random start {k + 1}")
 
 
+@np.errstate(all="ignore")
 def accept(view: Frame, attempt: Attempt, before: Sequence[Attempt] = ()) -> tuple[StationaryPoint | None, str]:
     """The solution at which an attempt converged, or None and why it is not one."""
     at = attempt.best
