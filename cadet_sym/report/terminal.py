@@ -184,4 +184,4 @@ def _limited(simulation: Ensemble, moment: str, name: str, k: int) -> str:
 
 def _percent(value: float, limit: float) -> str:
     number, half = rounded(value, limit)
-    return f"{number} ± {half} %"
+    return f"{'0' if float(number) == 0.0 else number} ± {half} %"
