@@ -254,11 +254,14 @@ class Library:
         """Numbers that Python computed, rounded so that another machine's libm gives the same text."""
         end, y = self._sample()
         p, functions = self.run.p, self.functions
-        y = np.array([float(f"{value:.9g}") for value in y])
+        size = self._sizes(y)
+        # five digits of its size: no other integrator or machine gives another text
+        y = np.array([float(f"{value:.9g}") for value in np.round(y / (1e-5 * size)) * (1e-5 * size)])
         numbers: dict[str, Iterable[float]] = {
             "initial": self.run.start,
             "sample_y": y,
             "final": y,
+            "size": size,
             "rate": np.asarray(functions.rate(end, y, p)).ravel(),
             "jacobian": np.array(functions.jacobian(end, y, p).nonzeros()),
             "output_mean": np.asarray(functions.outputs(end, y, p)[0]).ravel(),
@@ -271,7 +274,7 @@ class Library:
             f"static const int breakpoint_count = {len(find_breakpoints(self.lowered, p, self.run.duration))};",
         ]
         for key, values in numbers.items():
-            rounded = [f"{float(value):.12g}" for value in values]
+            rounded = [f"{float(value) + 0.0:.12g}" for value in values]
             lines.append(_array(f"static const double {key}", rounded))
         return "\n".join(lines) + "\n"
 
@@ -284,10 +287,26 @@ class Library:
             return 0.0, self.run.start
         start = Start(self.run.start, self.run.p, find_breakpoints(self.lowered, self.run.p, end))
         try:
-            found = integrate(self.lowered, start, [end], rtol=1e-8, engine="direct")
+            found = integrate(self.lowered, start, [end], rtol=1e-9, engine="direct")
         except SolverError:
             return 0.0, self.run.start
         return end, found.y[-1]
+
+    def _sizes(self, y: Array) -> Array:
+        """The size of every moment, to one digit: standard deviations and their products."""
+        packing = self.lowered.equations.packing
+        mean, covariance = packing.unpack(y)
+        deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        rows, columns = packing.triangle
+        alongside = y[packing.moments :]
+        size = np.concatenate(
+            [
+                np.maximum(np.abs(mean), deviation),
+                deviation[rows] * deviation[columns],
+                np.full(len(alongside), np.abs(alongside).max(initial=0.0)),
+            ]
+        )
+        return np.array([10.0 ** np.floor(np.log10(s)) if s > 0 else 1.0 for s in size])
 
     def _readme(self) -> str:
         name, upper = self.prefix, self.prefix.upper()

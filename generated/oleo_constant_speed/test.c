@@ -50,7 +50,7 @@ int main(void)
     for (int method = 0; method < (SIZE > 120 ? 1 : 2); method++) { /* full matrices take long for large models */
         oleo_constant_speed_initial(p, y);
         oleo_constant_speed_begin(&run, (R)0, y);
-        run.rtol = (R)(sizeof(R) < 8 ? 1e-5 : method ? 1e-6 : 1e-9);
+        run.rtol = (R)(sizeof(R) < 8 ? 1e-5 : 1e-7);
         run.stiff = method ? &stiff : 0;
         run.breakpoints = breakpoints;
         run.breakpoint_count = count < ROOM ? count : ROOM;
@@ -58,7 +58,12 @@ int main(void)
         if (status != OLEO_CONSTANT_SPEED_OK)
             printf("%s at t = %g\n", oleo_constant_speed_status_text(status), (double)run.t);
         failures += status != OLEO_CONSTANT_SPEED_OK;
-        check(method ? "run, stiff" : "run", run.y, final, SIZE, sizeof(R) < 8 ? 1e-2 : method ? 1e-4 : 1e-6);
+        double wrong = 0.0;
+        for (int i = 0; i < SIZE; i++)
+            wrong = fmax(wrong, fabs((double)run.y[i] - final[i]) / size[i]);
+        const int good = wrong <= (sizeof(R) < 8 ? 1e-2 : 1e-4);
+        printf("%-12s %s (%.1e)\n", method ? "run, stiff" : "run", good ? "agrees" : "DIFFERS", wrong);
+        failures += !good;
     }
     printf(failures ? "%d failures\n" : "all well\n", failures);
     return failures != 0;

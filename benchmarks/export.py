@@ -1,0 +1,171 @@
+"""The exported C against a program written by hand for the same equations: Figure 3 of Harrison & Hammond (1986).
+
+Both are adaptive Dormand & Prince programs at rtol 1e-6 with the same measure of the error, at one output time. Run
+with ``python benchmarks/export.py``; needs gcc. Prints seconds a run, rates, and the largest difference of the results.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import tempfile
+from pathlib import Path
+
+import cadet_sym as cs
+
+ROOT = Path(__file__).resolve().parent.parent
+
+# x' = v; v' = -wn^2 x - 2 zeta wn v - gamma f(v) - h''; h' = V s; s' = V (-c1 s - c0 h) + V k w. States x, v, h, s.
+HAND = r"""
+#include <math.h>
+#include <stdio.h>
+#include <time.h>
+#define N 14
+static long rates;
+static const double wn = 10, zeta = 0.01, gam = 0.1, r = 0.1, a = 8, c0 = 0.4, c1 = 2.2, k = 1.264911064067352;
+
+static void rate(double t, const double *y, double *d)
+{
+    const double V = a * t, m = y[1], p = y[8] > 0 ? y[8] : 0, s = sqrt(p) + 1e-150, u = m / s;
+    const double phi = exp(-0.5 * u * u) * 0.3989422804014327, Phi = 0.5 * (1 + erf(u * 0.7071067811865476));
+    const double F = (m * m + p) * (Phi - r * (1 - Phi)) + (1 + r) * m * s * phi;
+    const double g = 2 * m * (Phi - r * (1 - Phi)) + 2 * (1 + r) * s * phi;
+    /* h'' = a s + V s': rates of v in x, v, h, s, and what the noise adds */
+    const double vx = -wn * wn, vv = -2 * zeta * wn - gam * g, vh = V * V * c0, vs = V * V * c1 - a;
+    const double b2 = -V * k, b4 = k; /* b_v = -V^2 k, b_s = V k; intensity 1/V */
+    const double *P = y + 4; /* xx xv xh xs vv vh vs hh hs ss */
+    rates++;
+    d[0] = m;
+    d[1] = vx * y[0] - 2 * zeta * wn * m - gam * F + vh * y[2] + vs * y[3];
+    d[2] = V * y[3];
+    d[3] = -V * (c1 * y[3] + c0 * y[2]);
+    d[4] = 2 * P[1];
+    d[5] = P[4] + vx * P[0] + vv * P[1] + vh * P[2] + vs * P[3];
+    d[6] = P[5] + V * P[3];
+    d[7] = P[6] - V * (c1 * P[3] + c0 * P[2]);
+    d[8] = 2 * (vx * P[1] + vv * P[4] + vh * P[5] + vs * P[6]) + V * b2 * b2;
+    d[9] = vx * P[2] + vv * P[5] + vh * P[7] + vs * P[8] + V * P[6];
+    d[10] = vx * P[3] + vv * P[6] + vh * P[8] + vs * P[9] - V * (c1 * P[6] + c0 * P[5]) + V * b2 * b4;
+    d[11] = 2 * V * P[8];
+    d[12] = V * P[9] - V * (c1 * P[8] + c0 * P[7]);
+    d[13] = -2 * V * (c1 * P[9] + c0 * P[8]) + V * b4 * b4;
+}
+
+static long run(double end, double rtol, double *y)
+{
+    double q[7][N], z[N], size[N] = {0}, t = 0, h = 1e-3;
+    long steps = 0;
+    static const int diagonal[4] = {4, 8, 11, 13}, row[10] = {0, 1, 2, 3, 1, 2, 3, 2, 3, 3},
+                     column[10] = {0, 0, 0, 0, 1, 1, 1, 2, 2, 3};
+    rate(t, y, q[0]);
+    while (t < end) {
+        double sum = 0, error;
+        if (t + h > end)
+            h = end - t;
+        for (int i = 0; i < N; i++) z[i] = y[i] + h * 0.2 * q[0][i];
+        rate(t + 0.2 * h, z, q[1]);
+        for (int i = 0; i < N; i++) z[i] = y[i] + h * (3 / 40. * q[0][i] + 9 / 40. * q[1][i]);
+        rate(t + 0.3 * h, z, q[2]);
+        for (int i = 0; i < N; i++) z[i] = y[i] + h * (44 / 45. * q[0][i] - 56 / 15. * q[1][i] + 32 / 9. * q[2][i]);
+        rate(t + 0.8 * h, z, q[3]);
+        for (int i = 0; i < N; i++)
+            z[i] = y[i] + h * (19372 / 6561. * q[0][i] - 25360 / 2187. * q[1][i] + 64448 / 6561. * q[2][i]
+                               - 212 / 729. * q[3][i]);
+        rate(t + 8 / 9. * h, z, q[4]);
+        for (int i = 0; i < N; i++)
+            z[i] = y[i] + h * (9017 / 3168. * q[0][i] - 355 / 33. * q[1][i] + 46732 / 5247. * q[2][i]
+                               + 49 / 176. * q[3][i] - 5103 / 18656. * q[4][i]);
+        rate(t + h, z, q[5]);
+        for (int i = 0; i < N; i++)
+            z[i] = y[i] + h * (35 / 384. * q[0][i] + 500 / 1113. * q[2][i] + 125 / 192. * q[3][i]
+                               - 2187 / 6784. * q[4][i] + 11 / 84. * q[5][i]);
+        rate(t + h, z, q[6]);
+        for (int i = 0; i < N; i++) {
+            const double e = h * (71 / 57600. * q[0][i] - 71 / 16695. * q[2][i] + 71 / 1920. * q[3][i]
+                                  - 17253 / 339200. * q[4][i] + 22 / 525. * q[5][i] - 1 / 40. * q[6][i]);
+            const double w = rtol * (fmax(fabs(y[i]), fabs(z[i])) + 1e-4 * size[i]) + 1e-150;
+            sum += e / w * (e / w);
+        }
+        error = sqrt(sum / N);
+        const double factor = fmin(8, fmax(0.1, 0.9 * pow(error, -0.2)));
+        if (error <= 1) {
+            double deviation[4];
+            t += h;
+            steps++;
+            for (int i = 0; i < N; i++) { y[i] = z[i]; q[0][i] = q[6][i]; }
+            for (int i = 0; i < 4; i++) deviation[i] = sqrt(fmax(y[diagonal[i]], 0));
+            for (int i = 0; i < 4; i++) size[i] = fmax(size[i], fmax(fabs(y[i]), deviation[i]));
+            for (int i = 0; i < 10; i++) size[4 + i] = fmax(size[4 + i], deviation[row[i]] * deviation[column[i]]);
+        }
+        h *= factor;
+    }
+    return steps;
+}
+
+int main(void)
+{
+    double y[N];
+    long steps = 0;
+    const int repeats = 2000;
+    const clock_t begin = clock();
+    for (int k = 0; k < repeats; k++) {
+        for (int i = 0; i < N; i++) y[i] = 0;
+        y[11] = 1 / 1.1;
+        y[13] = c0 / 1.1;
+        steps = run(10, 1e-6, y);
+    }
+    printf("%g %ld %ld %.15g %.15g\n", (double)(clock() - begin) / CLOCKS_PER_SEC / repeats, steps,
+           rates / repeats, y[0], y[4]);
+    return 0;
+}
+"""
+
+EXPORTED = r"""
+#include <stdio.h>
+#include <time.h>
+#include "oleo.h"
+int main(void)
+{
+    static oleo_run run;
+    double y[OLEO_SIZE];
+    const int repeats = 2000;
+    const clock_t begin = clock();
+    for (int k = 0; k < repeats; k++) {
+        oleo_initial(oleo_default_parameters, y);
+        oleo_begin(&run, 0, y);
+        run.rtol = 1e-6;
+        if (oleo_propagate(&run, oleo_default_parameters, 10) != OLEO_OK)
+            return 1;
+    }
+    printf("%g %ld %ld %.15g %.15g\n", (double)(clock() - begin) / CLOCKS_PER_SEC / repeats, run.steps,
+           run.rates, run.y[0],
+           run.y[OLEO_STATES]);
+    return 0;
+}
+"""
+
+
+def measured(folder: Path, name: str, sources: list[Path]) -> list[float]:
+    """Seconds a run, steps, rates, mean and variance of x at the end; the fastest of five."""
+    subprocess.run(["gcc", "-O2", "-std=c99", f"-I{folder}", "-o", folder / name, *sources, "-lm"], check=True)
+    runs = [subprocess.run([folder / name], capture_output=True, text=True, check=True).stdout for _ in range(5)]
+    return min([float(number) for number in re.split(r"\s+", run.strip())] for run in runs)
+
+
+def main() -> None:
+    compiled = cs.compile(ROOT / "models" / "oleo_acceleration.toml")
+    with tempfile.TemporaryDirectory() as place:
+        folder = compiled.export_c(Path(place) / "c", prefix="oleo")
+        library = [path for path in folder.glob("*.c") if path.name not in ("main.c", "test.c")]
+        (folder / "hand_main.c").write_text(HAND)
+        (folder / "exported_main.c").write_text(EXPORTED)
+        hand = measured(folder, "hand", [folder / "hand_main.c"])
+        exported = measured(folder, "exported", [*library, folder / "exported_main.c"])
+    for name, (seconds, steps, rates, mean, variance) in (("by hand", hand), ("exported", exported)):
+        work = f"{1e3 * seconds:.3f} ms  {steps:.0f} steps  {rates:.0f} rates"
+        print(f"{name:10} {work}  mean {mean:.8f}  variance {variance:.8f}")
+    print(f"ratio {exported[0] / hand[0]:.2f}")
+
+
+if __name__ == "__main__":
+    main()
