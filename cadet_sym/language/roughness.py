@@ -52,12 +52,15 @@ def check_noise(model: Model) -> None:
         for call in output.atoms(der):
             if noisy.get(call, set()) & white:
                 raise ModelError(
-                    f"the rate of `{call.of}` contains white noise, so `{unparse(call)}` has infinite variance: "
-                    "filter the noise, or leave that term out",
+                    f"output `{name}`: the rate of `{call.of}` contains white noise, so `{unparse(call)}` has "
+                    "infinite variance: filter the noise, or leave that term out",
                     table="outputs",
                     key=name,
                     token=unparse(call),
                 )
+
+
+_PLACES = {"rates": "rate of", "outputs": "output", "initial": "initial value of"}
 
 
 def _refuse_rough(calls: set[Any], finite: int, model: Model) -> None:
@@ -72,8 +75,9 @@ def _refuse_rough(calls: set[Any], finite: int, model: Model) -> None:
                 lacking = call.order - 1 - finite
                 stages = "one more filter stage" if lacking == 1 else f"{lacking} more filter stages"
                 raise ModelError(
-                    f"the ground is too rough for `{unparse(call)}`: its variance would be infinite. It needs {stages} "
-                    "between the white noise and the height: add `rolling_contact` to [ground]",
+                    f"{_PLACES[table]} `{key}`: the ground is too rough for `{unparse(call)}`: its variance would be "
+                    f"infinite. It needs {stages} between the white noise and the height: "
+                    "add `rolling_contact` to [ground]",
                     table=table,
                     key=str(key),
                     token=unparse(call),
@@ -88,31 +92,29 @@ def _linear(rate: sp.Expr, white: set[sp.Basic], varying: set[sp.Basic], **where
     for noise, dummy in stand_in.items():
         if any(dummy in call.free_symbols for call in plain.atoms(ElementCall)):
             raise ModelError(
-                f"{_what(noise)} enters an element: its variance would be infinite", token=_text(noise), **where
+                f"{_what(noise)} enters an element: its variance would be infinite", token=unparse(noise), **where
             )
         if sp.diff(plain, dummy).free_symbols & {*varying, *stand_in.values()}:
             raise ModelError(
-                f"{_what(noise)} may be multiplied by parameters, `t` and `s`, not by a state; "
-                "it may not pass through a function either",
-                token=_text(noise),
+                f"{_what(noise)} may be multiplied by parameters, `t` and `s`, not by a state, "
+                "and may not pass through a function: its variance is infinite",
+                token=unparse(noise),
                 **where,
             )
 
 
 def _absent(expr: sp.Expr, white: set[sp.Basic], **where: str) -> None:
     for noise in sorted(white & (expr.free_symbols | expr.atoms(der)), key=str):
+        place = f"{_PLACES[where['table']]} `{where['key']}`"
         raise ModelError(
-            f"{_what(noise)} has infinite variance and may not stand here: filter it first (`rolling_contact` for the "
-            "ground), or leave the term out",
-            token=_text(noise),
+            f"{place}: {_what(noise)} has infinite variance and may not stand here: filter it first "
+            "(`rolling_contact` for the ground), or leave the term out",
+            token=unparse(noise),
             **where,
         )
 
 
-def _text(noise: Any) -> str:
-    return unparse(noise)
-
-
 def _what(noise: Any) -> str:
-    kind = "this derivative of the ground, which is white noise," if isinstance(noise, der) else "the white noise"
-    return f"{kind} `{_text(noise)}`" if not isinstance(noise, der) else f"`{_text(noise)}`, {kind}"
+    return (
+        f"`{unparse(noise)}`, white noise on this ground," if isinstance(noise, der) else f"the white noise `{noise}`"
+    )
