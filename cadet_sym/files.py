@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import os
-import secrets
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -63,7 +61,7 @@ def whole_file(path: str | Path, suffixes: Sequence[str]) -> Iterator[Path]:
         The file cannot be written: no permission, disk full.
     """
     target = check_target(path, suffixes)
-    temporary = target.with_name(f".{target.stem}.{secrets.token_hex(4)}{target.suffix}")
+    temporary = target.with_name(f".{target.stem}.{os.urandom(4).hex()}{target.suffix}")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         yield temporary
@@ -93,6 +91,8 @@ def save_as(
 
 
 def _save_csv(path: Path, columns: Mapping[str, np.ndarray]) -> None:
+    import csv
+
     with path.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream)
         writer.writerow(columns)

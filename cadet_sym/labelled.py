@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
@@ -82,6 +81,8 @@ def _position(name: str, names: Sequence[str]) -> int:
     try:
         return names.index(name)
     except ValueError:
+        from difflib import get_close_matches
+
         near = get_close_matches(str(name), names, n=1)
         hint = f"; did you mean {near[0]!r}?" if near else ""
         raise KeyError(f"no state or output {name!r}; there are {', '.join(names)}{hint}") from None
