@@ -41,14 +41,14 @@ ROUGH = 1e-2
 SMALL = 100
 """Packed moments up to which CasADi's CVODES with its direct solver is the fastest (12 states) ..."""
 
+SMALL_DELAYED = 700
+"""The same where wheels follow each other: most of the Jacobian is the ground between them, and sparse."""
+
 FEW = 6
 """... unless the run has more stretches than this, each of which needs an integrator of its own."""
 
 MILD = 500.0
 """Largest frequency of the covariance times duration up to which explicit formulas are the cheapest."""
-
-MILD_DELAYED = 20 * MILD
-"""The same where wheels follow each other."""
 
 ENGINES = ("auto", "direct", "implicit", "krylov", "explicit")
 
@@ -150,18 +150,18 @@ def check_times(times: npt.ArrayLike) -> Array:
 
 def _choose(lowered: LoweredSystem, start: Start, grid: Array) -> str:
     """Direct while small; else by what explicit formulas would cost: the frequencies of P are sums of two of N's."""
-    if lowered.equations.packing.size <= SMALL and len(_edges(start, grid)) - 1 <= FEW:
+    packing = lowered.equations.packing
+    small = packing.size <= SMALL if lowered.equations.delay is None else packing.size <= SMALL_DELAYED
+    if small and len(_edges(start, grid)) - 1 <= FEW:
         return "direct"
     duration = float(grid[-1])
     seen = {gains(lowered, t, start.y, start.p).tobytes() for t in (0.0, duration / 2, duration)}
-    n = lowered.equations.packing.n
+    n = packing.n
     matrices = np.array([np.frombuffer(each).reshape(n, n) for each in seen])
     if not np.isfinite(matrices).all():
         return "implicit"
     fastest = float(np.abs(np.linalg.eigvals(matrices)).max(initial=0.0))
-    # The Lyapunov inverse knows nothing of the ground between wheels, which travels across the wheelbase and is not stiff.
-    limit = MILD if lowered.equations.delay is None else MILD_DELAYED
-    return "explicit" if 2 * fastest * duration <= limit else "implicit"
+    return "explicit" if 2 * fastest * duration <= MILD else "implicit"
 
 
 def _tolerance(rtol: float, size: Array) -> Tolerance:
