@@ -44,6 +44,9 @@ SMALL = 100
 SMALL_DELAYED = 700
 """The same where wheels follow each other: most of the Jacobian is the ground between them, and sparse."""
 
+SPARSE = 600
+"""The same where N has at most four entries a row (33 states)."""
+
 FEW = 6
 """... unless the run has more stretches than this, each of which needs an integrator of its own."""
 
@@ -151,7 +154,11 @@ def check_times(times: npt.ArrayLike) -> Array:
 def _choose(lowered: LoweredSystem, start: Start, grid: Array) -> str:
     """Direct while small; else by what explicit formulas would cost: the frequencies of P are sums of two of N's."""
     packing = lowered.equations.packing
-    small = packing.size <= SMALL if lowered.equations.delay is None else packing.size <= SMALL_DELAYED
+    if lowered.equations.delay is not None:
+        small = packing.size <= SMALL_DELAYED
+    else:
+        sparse = packing.size <= SPARSE and lowered.gain_matrix.nnz_out(0) <= 4 * packing.n
+        small = packing.size <= SMALL or sparse
     if small and len(_edges(start, grid)) - 1 <= FEW:
         return "direct"
     duration = float(grid[-1])
