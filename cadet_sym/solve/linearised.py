@@ -55,7 +55,7 @@ class LinearisedMoments:
         """(dmu, dP) with (J - shift) (dmu, dP) = -(r, R): r (n,), R (n, n) symmetric."""
         small, R_in = self.small(shift), self.form.enter(R)
         dtheta = _solve_small(small.matrix, self._known(r, R_in, shift)) if len(small.matrix) else np.zeros(0)
-        return self._expand(r, R_in, dtheta, shift)
+        return self._expand(r, R_in, dtheta, small, shift)
 
     def bordered(
         self, r: Array, R: Array, slope: tuple[Array, Array], row: Array, corner: float, value: float
@@ -72,7 +72,7 @@ class LinearisedMoments:
         matrix[:T, T] = -self._known(slope[0], slope_in, 0.0)
         solution = _solve_small(matrix, np.append(self._known(r, R_in, 0.0), value))
         dtheta, dp = solution[:T], float(solution[T])
-        dmu, dP = self._expand(r + dp * slope[0], R_in + dp * slope_in, dtheta, 0.0)
+        dmu, dP = self._expand(r + dp * slope[0], R_in + dp * slope_in, dtheta, small)
         return dmu, dP, dp, dtheta
 
     def adjoint(self, g_mean: Array, g_covariance: Array) -> tuple[Array, Array]:
@@ -123,12 +123,14 @@ class LinearisedMoments:
         seen = np.sum((rows @ X) * others, axis=1).real
         return np.concatenate([-self.at.problem.C @ self._through(r, shift), seen])
 
-    def _expand(self, r: Array, R_in: Array, dtheta: Array, shift: float) -> tuple[Array, Array]:
+    def _expand(
+        self, r: Array, R_in: Array, dtheta: Array, small: SmallSystem, shift: float = 0.0
+    ) -> tuple[Array, Array]:
         """(dmu, dP) from what the elements see of it."""
         K = len(self.at.problem.C)
         dmu = -self._through(r, shift)
         if K:
-            dmu = dmu - self.small(shift).push @ dtheta[K:]
+            dmu = dmu - small.push @ dtheta[K:]
             R_in = R_in + self._gain_forcing(self.at.gain_slope @ dtheta)
         return dmu, _symmetric(self.form.leave(self.form.divide(R_in, shift)))
 

@@ -22,6 +22,7 @@ __all__ = ["Attempt", "follow", "newton", "relative_size"]
 Array = np.ndarray
 
 RESIDUAL = 1e-10  # of the equations over the size of their own terms
+RUNAWAY = 1e30  # variances larger than this, in the coordinates of a frame, do not come back
 CHORD = 0.05  # relative size of a Newton step after which its derivatives serve for further ones
 STEP = 1e-6  # of the last Newton step over the standard deviations: its square is the error left
 
@@ -125,7 +126,7 @@ def follow(
         return Attempt(name, False, 0, best, at, reason="not finite")
     lin, polished_at = LinearisedMoments(at), np.inf
     fastest = np.abs(lin.form.eigenvalues).max() + 1e-300
-    h = 1.0 / fastest
+    h, bound = 1.0 / fastest, RUNAWAY * (1.0 + float(np.trace(at.covariance)))
     for iteration in range(1, limit + 1):
         trial, difference = _implicit_step(lin, h)
         # where the rates are small, a step may not change them beyond their own size: it would jump over a bottleneck
@@ -133,9 +134,11 @@ def follow(
         if trial is None or difference > tolerance:
             h /= 4
             if h * fastest < 1e-7:
-                return Attempt(name, False, iteration, best, at, reason="the variances leave every bound")
+                return Attempt(name, False, iteration, best, at, reason="no step is short enough")
             continue
         at, lin = trial, LinearisedMoments(trial)
+        if np.trace(at.covariance) > bound:
+            return Attempt(name, False, iteration, best, at, reason="the variances leave every bound")
         best = min(best, at, key=_residual)
         if at.residual < 1e-2 * polished_at and at.residual < 1e-4:
             # Close enough for Newton? Tried again only after the residual has fallen a hundredfold.

@@ -175,7 +175,8 @@ def _failure(view: Frame, attempts: list[Attempt]) -> SolverError:
     """What was tried, how close it came, and which eigenvalue is to blame."""
     positive = [each.best for each in attempts if np.min(np.diag(each.best.covariance)) >= 0]
     best = min(positive, key=lambda at: at.residual, default=attempts[0].best)
-    last = max((each for each in attempts if "from random" not in each.rung), key=lambda each: each.iterations).last
+    # the march goes where the moments go; without one, the longest search
+    last = max(attempts, key=lambda each: (each.rung.startswith("march"), each.iterations)).last
     tried = "; ".join(str(each) for each in attempts if "from random" not in each.rung)
     count = sum("from random" in each.rung for each in attempts)
     if count:
