@@ -519,7 +519,7 @@ def test_a_measured_spectrum_is_fitted_too(tmp_path):
     G = 256e-6 * (n / 0.1) ** -2.2
     rows = "\n".join(f"{a:.9g},{b:.9g}" for a, b in zip(n, G, strict=True))
     (tmp_path / "psd.csv").write_text(f"n [cycle/m],G [m^3]\n{rows}\n")
-    declared = 'kind = "spectrum"\ntable = "psd.csv"\norder = 3'
+    declared = 'kind = "spectrum"\ntable = "psd.csv"\nunits = ["cycle/m", "m^3"]\norder = 3'
     text = ROAD.format("").replace('kind = "exponential"\nsigma = 0.01\ncutoff = 0.2\nrolling_contact = 2', declared)
     model = loads(text.replace("der(h, 2)", "h"), folder=tmp_path)
     assert model.ground is not None
@@ -527,6 +527,14 @@ def test_a_measured_spectrum_is_fitted_too(tmp_path):
     found = density(model.ground, 2 * np.pi * n) * 2 * np.pi
     assert np.abs(np.log10(found / G)).max() < 0.1
     assert loads(model.to_toml()) == model
+    rows = "\n".join(f"{2 * np.pi * a:.12g},{b / (2 * np.pi):.12g}" for a, b in zip(n, G, strict=True))
+    (tmp_path / "psd.csv").write_text(f"kappa,G\n{rows}\n")
+    per_radian = declared.replace("cycle/m", "rad/m").replace("m^3", "m^3/rad")
+    again = loads(text.replace(declared, per_radian).replace("der(h, 2)", "h"), folder=tmp_path).ground
+    assert again is not None
+    np.testing.assert_allclose(density(again), density(model.ground), rtol=1e-4)
+    with pytest.raises(ModelError, match="say what the spectrum is against"):
+        loads(text.replace('units = ["cycle/m", "m^3"]', "").replace("der(h, 2)", "h"), folder=tmp_path)
 
 
 def test_a_fit_can_be_drawn(tmp_path):

@@ -132,6 +132,10 @@ def test_names_may_be_texts_or_symbols():
     assert Model(Vehicle({x: sp.Symbol("w")}), noise={"w": 2}).noise == Noise(["w"], [[2]]) == Noise("w", 2)
 
 
+def test_the_initial_state_may_be_a_mapping():
+    assert undercarriage(initial={x: -h}) == undercarriage(initial=Initial(values={x: -h}))
+
+
 def test_run_is_given_whole_or_in_parts():
     assert undercarriage(duration=3, points=5, rtol=1e-6).run == Run(3, 5, 1e-6)
     assert undercarriage(duration=None, run=Run(duration=3)).run == Run(3)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import sympy as sp
@@ -109,6 +110,10 @@ class Ground:
 
     def shaping_filter(self) -> ShapingFilter:
         """The filter in distance, profile, patch and rolling contact included: xi' = C xi + D w + offset."""
+        return self._filter
+
+    @cached_property
+    def _filter(self) -> ShapingFilter:
         road = FILTERS[self.kind](**self.settings)
         if self.profile is not None:
             road = with_profile(road, started(self.profile))

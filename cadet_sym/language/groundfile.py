@@ -129,9 +129,17 @@ def _spectrum(entries: Entries, places: Places, curve: Any) -> Ground:
         numerator, denominator = (_coefficients(entries, key, scope) for key in ("numerator", "denominator"))
         return grounds.spectrum(numerator, denominator, entries.get("sides", int, 1))
     entries.only([*_COMMON, *_TABLE])
-    # a density against n in cycles is one against 2 pi n in radians, divided by 2 pi
-    n, density = _columns(entries, curve, ("wavenumber", "spectrum"))
-    return _fitted(entries, "fit_spectrum", 2 * np.pi * n, density / (2 * np.pi))
+    units = entries.names("units") if "units" in entries.content else []
+    if len(units) != 2 or not ({"cycle/m", "rad/m"} & {units[0]}):
+        raise ModelError(
+            'say what the spectrum is against: units = ["cycle/m", "m^3"] or ["rad/m", "m^3/rad"]',
+            table="ground",
+            key="units",
+        )
+    kappa, density = _columns(entries, curve, ("wavenumber", "spectrum"))
+    if units[0] == "cycle/m":  # G(n) dn = G(kappa) dkappa, kappa = 2 pi n
+        kappa, density = 2 * np.pi * kappa, density / (2 * np.pi)
+    return _fitted(entries, "fit_spectrum", kappa, density)
 
 
 def _profile_kind(entries: Entries, places: Places, curve: Any) -> Ground:

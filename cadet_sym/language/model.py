@@ -134,7 +134,7 @@ class Model:
     vehicle, ground, travel : what moves, on what, and how. A system x' = f(x, t) + B w has neither ground nor travel.
     parameters : name (or symbol) -> number, expression in other parameters, or `Parameter`.
     noise : white noise in time: `Noise`, or a mapping of noise to intensity.
-    initial : state at t = 0.
+    initial : state at t = 0: `Initial`, or a mapping of state to value.
     run : length of the run; or `duration=`, `points=`, `rtol=`.
 
     Raises
@@ -148,7 +148,7 @@ class Model:
     _: KW_ONLY
     parameters: Mapping[Any, Any] = field(default_factory=FrozenDict)
     noise: Any = None
-    initial: Initial = field(default_factory=Initial)
+    initial: Any = field(default_factory=Initial)
     run: Run = field(default_factory=Run)
     name: str = field(default="", compare=False)
     text: str = field(default="", compare=False)
@@ -165,6 +165,8 @@ class Model:
         set_field(self, "parameters", FrozenDict(_parameters(self.parameters)))
         if self.noise is not None and not isinstance(self.noise, Noise):
             set_field(self, "noise", Noise.independent(dict(entries(self.noise, "noise"))))
+        if not isinstance(self.initial, Initial):
+            set_field(self, "initial", Initial(values=dict(entries(self.initial, "initial"))))
         check.structure(self)
         sense.values(self)
 

@@ -109,7 +109,7 @@ def _speed(model: Model, known: Mapping[Any, Any], duration: float) -> None:
         times = np.array([float(k) for k in travel.table.knots])
         found = np.array([float(v) for v in travel.table.values])
     else:
-        times = np.union1d(np.linspace(0, duration, _GRID), kinks)
+        times = np.sort(np.concatenate([np.linspace(0, duration, _GRID), kinks]))
         found = np.broadcast_to(evaluate(speed, {**known, TIME: times}), times.shape)
     if not np.isfinite(found).all():
         t = times[~np.isfinite(found)][0]
