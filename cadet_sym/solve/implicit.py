@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cadet_sym.moments import Packing
+from cadet_sym.solve.ground import GroundInverse
 from cadet_sym.solve.lyapunov import ModalForm, modal_form
 
 __all__ = ["Inverse", "PackedIndex"]
@@ -48,15 +49,18 @@ class Inverse:
     weights: tuple[Array, ...]  # (n, n) each: entry, row partner, column partner, both
     partner: npt.NDArray[np.intp]
     along: tuple[Array, Array]  # (n,) the same for a vector
+    ground: GroundInverse | None = None  # of the ground between the wheels, where there is any
 
     @classmethod
-    def build(cls, index: PackedIndex, scale: Array, form: ModalForm, g: float) -> Inverse:
+    def build(
+        cls, index: PackedIndex, scale: Array, form: ModalForm, g: float, ground: GroundInverse | None = None
+    ) -> Inverse:
         """The weights of every entry and its partners; see the module."""
         n = len(form.eigenvalues)
         partner, sign = np.arange(n), np.zeros(n)
         partner[form.first], partner[form.first + 1] = form.first + 1, form.first
         sign[form.first], sign[form.first + 1] = 1.0, -1.0
-        upper = form.eigenvalues.real + 1j * np.abs(form.eigenvalues.imag)
+        upper = np.real(form.eigenvalues) + 1j * np.abs(np.imag(form.eigenvalues))
         same = 1 / (1 - g * (upper[:, None] + upper))
         mixed = 1 / (1 - g * (upper[:, None] + upper.conj()))
         row, column = sign[:, None], sign[None, :]
@@ -68,19 +72,18 @@ class Inverse:
         )
         single = 1 / (1 - g * upper)
         kept = weights if sign.any() else weights[:1]
-        return cls(index, scale, form, kept, partner, (single.real, single.imag * sign))
+        return cls(index, scale, form, kept, partner, (single.real, single.imag * sign), ground)
 
     def apply(self, r: Array, z: Array) -> None:
-        """Z = (I - g L)^-1 r; what is integrated alongside passes as it is, the ground between wheels with N."""
+        """Z = (I - g L)^-1 r; a distance integrated alongside passes as it is."""
         n, moments = self.index.packing.n, self.index.packing.moments
         z[:n] = self._vectors(r[:n, None])[:, 0]
         R = r[n:moments].take(self.index.full)
-        z[n:moments] = self._matrix(R).take(self.index.triangle)
         z[moments:] = r[moments:]
-        ground = self.index.packing.ground
-        if ground:
-            nodes = r[-ground:].reshape(-1, n).T
-            z[-ground:] = self._vectors(nodes).T.ravel()
+        if self.ground is not None:
+            z[-self.index.packing.ground :], forcing = self.ground.apply(r[-self.index.packing.ground :])
+            R = R + forcing
+        z[n:moments] = self._matrix(R).take(self.index.triangle)
 
     def _vectors(self, x: Array) -> Array:
         m = self._inverse @ (x / self.scale[:, None])

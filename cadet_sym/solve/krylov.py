@@ -19,6 +19,7 @@ import numpy.typing as npt
 from cadet_sym.lowering.system import LoweredSystem
 from cadet_sym.solve.breakdown import Breakdown
 from cadet_sym.solve.evaluate import Rate, gains
+from cadet_sym.solve.ground import GroundInverse
 from cadet_sym.solve.implicit import Inverse, PackedIndex, scaled_form
 from cadet_sym.solve.scales import Tolerance
 
@@ -45,6 +46,7 @@ class Stepping:
         self._index = PackedIndex(packing)
         self._scale = np.sqrt(np.maximum(self._diagonal(self.tolerance.size), 1e-300))
         self._form, self._inverse, self._g = None, None, 0.0
+        self._ground = None if self.lowered.equations.delay is None else GroundInverse(self.lowered, self.p)
         self._pending: Array | None = None
 
     @property
@@ -101,7 +103,10 @@ class Stepping:
         if self._form is None or not usable:
             N = gains(self.lowered, t, y, self.p)
             usual = np.isfinite(N).all() and np.abs(N).max() < 1e100
-            self._form = scaled_form(N if usual else np.zeros_like(N), self._scale)
+            N = N if usual else np.zeros_like(N)
+            self._form = scaled_form(N, self._scale)
+            if self._ground is not None:
+                self._ground.decompose(N, self._scale)
             self._inverse, renewed[0] = None, 1
             self.refreshes += 1
 
@@ -113,7 +118,9 @@ class Stepping:
             return
         if self._inverse is None or g != self._g:
             assert self._form is not None
-            self._inverse, self._g = Inverse.build(self._index, self._scale, self._form, g), g
+            if self._ground is not None:
+                self._ground.prepare(t, y, g)
+            self._inverse, self._g = Inverse.build(self._index, self._scale, self._form, g, self._ground), g
         self._inverse.apply(r, z)
 
     def _remember(self, t: float, y: Array, slope: Array, v: Array, product: Array) -> None:

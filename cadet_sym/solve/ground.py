@@ -1,0 +1,111 @@
+"""Invert I - g L for the ground between the wheels: what a small change of G and N P + P N^T do, advection included.
+
+    L dG_j = N dG_j - (V/h) (sum_i D_ji dG_i + D_j0 dG_in),    L dP gets V sum_(k>=2) (dg_k Q b_k^T + b_k Q dg_k^T)
+
+In the modes of N the nodes of one element couple to each other alone, and to the last node of the element before: a
+small inverse for each mode and one sweep along the ground. G does not feel P while the gains stay put, so that G is
+solved first and its forcing is carried into the equation of P.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cadet_sym.delay import Gap, TrackDelay, radau
+from cadet_sym.lowering.system import LoweredSystem
+
+__all__ = ["GroundInverse"]
+
+Array = npt.NDArray[np.float64]
+ComplexArray = npt.NDArray[np.complexfloating]
+
+
+@dataclass
+class GroundInverse:
+    """(I - g L)^-1 on the correlation with the ground, for one model and one set of parameters."""
+
+    lowered: LoweredSystem
+    p: Array
+
+    def __post_init__(self) -> None:
+        delay = self.lowered.equations.delay
+        assert delay is not None
+        self.tracks: tuple[TrackDelay, ...] = delay.tracks
+        self._modes: tuple[ComplexArray, ComplexArray, ComplexArray] | None = None
+
+    def decompose(self, N: Array, scale: Array) -> None:
+        """Take the modes of N, in units of the states' sizes; held until the next call."""
+        values, vectors = np.linalg.eig(N * scale / scale[:, None])
+        vectors = scale[:, None] * vectors
+        try:
+            self._modes = values, vectors, np.linalg.inv(vectors)
+        except np.linalg.LinAlgError:  # defective: a matrix next to it has a full set
+            rng = np.random.default_rng(0)
+            values, vectors = np.linalg.eig(N + 1e-9 * np.abs(N).max() * rng.standard_normal(N.shape))
+            self._modes = values, vectors, np.linalg.inv(vectors)
+
+    def prepare(self, t: float, y: Array, g: float) -> None:
+        """Make the inverses of the elements for one g, at the speed and place of time t."""
+        assert self._modes is not None
+        V, dV, s, start = (float(part) for part in self.lowered.motion(t, self.p))
+        packing = self.lowered.equations.packing
+        if packing.distance:
+            s = float(y[packing.moments])
+        b, Q, setbacks = (np.asarray(part) for part in self.lowered.noise(np.array([t, s, V, dV]), self.p))
+        gated = bool(self.lowered.equations.gates)
+        self._speed, self._g = V, g
+        self._wheels, self._elements = [], []
+        for track in self.tracks:
+            places = [float(setbacks[columns[0], 0]) for columns in track.columns]
+            first = list(track.columns[0])
+            open_ = [not gated or s - start >= place for place in places]
+            self._wheels.append([(Q[np.ix_(first, first)] @ b[:, list(c)].T) for c in track.columns[1:]])
+            self._wheels[-1] = [w * gate for w, gate in zip(self._wheels[-1], open_[1:], strict=True)]
+            lengths = np.diff(places)
+            self._elements.append([self._element(gap, length) for gap, length in zip(track.gaps, lengths, strict=True)])
+
+    def _element(self, gap: Gap, length: float) -> tuple[ComplexArray, Array]:
+        """Inverse of one element for every mode (n, M, M), and what its inflow does to its nodes (M,)."""
+        assert self._modes is not None
+        _, D = radau(gap.nodes)
+        rate = self._g * self._speed * gap.elements / length
+        matrix = (1 - self._g * self._modes[0])[:, None, None] * np.eye(gap.nodes) + rate * D[:, 1:]
+        return np.linalg.inv(matrix), rate * D[:, 0]
+
+    def apply(self, r: Array) -> tuple[Array, Array]:
+        """(change of the packed G, (n, n) forcing of the covariance that comes with it, times g)."""
+        assert self._modes is not None
+        _, vectors, inverse = self._modes
+        n = len(vectors)
+        found, forcing, first = [], np.zeros((n, n)), 0
+        for track, wheels, elements in zip(self.tracks, self._wheels, self._elements, strict=True):
+            q = len(track.columns[0])
+            size = n * q * track.nodes
+            # (n modes, nodes, q noises)
+            modal = (inverse @ r[first : first + size].reshape(-1, n).T).reshape(n, track.nodes, q)
+            solved, arrivals = _sweep(track, elements, modal)
+            found.append((vectors @ solved.reshape(n, -1)).real.T.ravel())
+            for arriving, weight in zip(arrivals, wheels, strict=True):
+                half = (vectors @ arriving).real @ weight
+                forcing += self._g * self._speed * (half + half.T)
+            first += size
+        return np.concatenate(found), forcing
+
+
+def _sweep(
+    track: TrackDelay, elements: list[tuple[ComplexArray, Array]], modal: ComplexArray
+) -> tuple[ComplexArray, list[ComplexArray]]:
+    """Solve element after element along the ground; what arrives at each wheel behind, (n, q) each."""
+    solved, arrivals = np.empty_like(modal), []
+    inflow, at = np.zeros((modal.shape[0], modal.shape[2]), dtype=complex), 0
+    for gap, (inverse, entry) in zip(track.gaps, elements, strict=True):
+        for _ in range(gap.elements):
+            known = modal[:, at : at + gap.nodes] - entry[None, :, None] * inflow[:, None, :]
+            solved[:, at : at + gap.nodes] = inverse @ known
+            at += gap.nodes
+            inflow = solved[:, at - 1]
+        arrivals.append(inflow)
+    return solved, arrivals
