@@ -25,9 +25,10 @@ def lost(y: Array, packing: Packing) -> npt.NDArray[np.bool_]:
     """At which rows of packed moments (k, size) the covariance is not positive semidefinite, within rounding."""
     n = packing.n
     rows = np.arange(len(y)) if n <= 24 else np.unique(np.linspace(0, len(y) - 1, LOOKED_AT).astype(int))
-    P = packing.unpack(y if len(rows) == len(y) else y[rows])[1]
+    mean, P = packing.unpack(y if len(rows) == len(y) else y[rows])
     trace = np.einsum("kii->k", P)
-    P[:, range(n), range(n)] += (LIMIT * np.maximum(trace, 0.0) + np.finfo(float).tiny)[:, None]
+    rounding = (np.finfo(float).eps * np.abs(mean).max(axis=1, initial=0.0)) ** 2  # of a system without any noise
+    P[:, range(n), range(n)] += (LIMIT * np.maximum(trace, 0.0) + rounding + np.finfo(float).tiny)[:, None]
     result = np.zeros(len(y), dtype=bool)
     try:
         np.linalg.cholesky(P)

@@ -14,6 +14,10 @@ __all__ = ["Tolerance", "fits", "peaks"]
 Array = npt.NDArray[np.float64]
 
 
+NOTHING = 1e-70
+"""Less than this is zero: its square underflows."""
+
+
 @dataclass(frozen=True)
 class Tolerance:
     """What a step may err by: relative (|y| + absolute size)."""
@@ -31,12 +35,12 @@ def peaks(y: Array, packing: Packing) -> Array:
     """
     n = packing.n
     deviation = np.sqrt(np.abs(y[:, _diagonal(packing)]).max(axis=0))
-    deviation = np.where(deviation > 0, deviation, np.max(deviation, initial=0.0) * 1e-3)
-    deviation = np.where(deviation > 0, deviation, 1.0)
+    deviation = np.where(deviation > NOTHING, deviation, np.max(deviation, initial=0.0) * 1e-3)
+    deviation = np.where(deviation > NOTHING, deviation, 1.0)
     mean = np.maximum(np.abs(y[:, :n]).max(axis=0), deviation)
     alongside = np.abs(y[:, packing.moments :])
     alongside = np.maximum(alongside.max(axis=0, initial=0.0), 1e-3 * alongside.max(initial=0.0))
-    alongside = np.where(alongside > 0, alongside, 1.0)
+    alongside = np.where(alongside > NOTHING, alongside, 1.0)
     rows, columns = packing.triangle
     return np.concatenate([mean, deviation[rows] * deviation[columns], alongside])
 
