@@ -5,6 +5,7 @@ from __future__ import annotations
 import numbers
 from collections.abc import Callable
 from fractions import Fraction
+from functools import lru_cache
 from typing import Any
 
 import sympy as sp
@@ -13,7 +14,7 @@ from sympy.core.symbol import Str
 from sympy.logic.boolalg import BooleanFalse, BooleanTrue
 
 from cadet_sym.errors import ModelError
-from cadet_sym.language.bounds import checked, power
+from cadet_sym.language.bounds import checked, current_limits, power
 from cadet_sym.language.names import exact
 from cadet_sym.language.vocabulary import (
     HALF,
@@ -89,8 +90,15 @@ def canonical(expr: Any) -> sp.Expr:
     ------
     ModelError : for what the language does not have (complex numbers, integrals, unknown functions).
     """
+    return _settled(_basic(expr), current_limits().exponent)
+
+
+# A model's expressions pass here more than once: from the text, from the record, from a change of parameters.
+@lru_cache(maxsize=4096)
+def _settled(expr: sp.Basic, exponent: int) -> sp.Expr:
+    """Build again until nothing changes; what comes out is within the limit of exponents that was given."""
     try:
-        result = _canonical(_basic(expr), {})
+        result = _canonical(expr, {})
         for _ in range(_PASSES):
             again = _canonical(result, {})
             if again == result:

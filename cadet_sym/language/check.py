@@ -42,7 +42,7 @@ def structure(model: Model) -> None:
                 _within(places.travel(), expr, table="travel", key=key)
         _within(places.number("the start"), model.travel.start, table="travel", key="start")
     if model.noise is not None:
-        for entry in model.noise.intensity:
+        for entry in set(model.noise.intensity):
             _within(places.intensity(), entry, table="noise", key="intensity")
     if model.ground is not None:
         ground_names(model.ground, places)

@@ -52,9 +52,12 @@ def _short(number: sp.Rational) -> str:
     return f"{float(number):.6g}"
 
 
-def inline_rows(given: Any, number: Callable[[Any], sp.Expr]) -> list[Row]:
-    """Rows written in the model itself: [[z, f], ...]."""
+def inline_rows(
+    given: Any, number: Callable[[Any], sp.Expr], units: Sequence[str] = (), kinds: Sequence[str] = ("", "")
+) -> list[Row]:
+    """Rows written in the model itself, [[z, f], ...], in SI units."""
     rows: list[Row] = []
+    factors = [conversion(unit, kind) for unit, kind in zip(units, kinds, strict=True)] if units else [sp.S.One] * 2
     if len(given) > current_limits().rows:
         raise ModelError(f"a table of {len(given)} rows, and the limit is {current_limits().rows}")
     for k, row in enumerate(given, start=1):
@@ -63,7 +66,7 @@ def inline_rows(given: Any, number: Callable[[Any], sp.Expr]) -> list[Row]:
         values = tuple(number(value) for value in row)
         if not all(value.is_Rational for value in values):
             raise ModelError(f"row {k} of the table: numbers are wanted, not {row}")
-        rows.append(values)
+        rows.append(tuple(value * factor for value, factor in zip(values, factors, strict=True)))
     return checked_rows(rows, "the table", lambda k: f"row {k + 1}")
 
 

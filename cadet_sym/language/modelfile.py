@@ -240,8 +240,10 @@ class _Document:
                 raise ModelError(f"two are wanted, one a column, {len(given)} given", table=entries.name, key=key)
         try:
             if isinstance(table, list):
+                if columns:
+                    raise ModelError("rows that stand here have two columns: leave `columns` out")
                 scope = self.places.number("a table")
-                rows = inline_rows(table, lambda value: expression(value, scope))
+                rows = inline_rows(table, lambda value: expression(value, scope), units, kinds)
             elif self.folder is None:
                 raise ModelError("a model without a file has no folder to look for a table in; write its rows here")
             else:

@@ -42,7 +42,7 @@ class Noise:
     @classmethod
     def independent(cls, intensities: Mapping[Any, Any]) -> Noise:
         """Noises that know nothing of each other, each with its intensity."""
-        return cls(tuple(intensities), sp.diag(*map(canonical, intensities.values())))
+        return cls(tuple(intensities), _diagonal(list(intensities.values())))
 
     @property
     def is_diagonal(self) -> bool:
@@ -59,9 +59,9 @@ def _matrix(given: Any, names: Sequence[str]) -> sp.ImmutableMatrix:
             list(row) if isinstance(row, Sequence) else row for row in list(getattr(given, "tolist", lambda: given)())
         ]
         if rows and not isinstance(rows[0], list):
-            rows = sp.diag(*map(canonical, rows)).tolist()
+            rows = _diagonal(rows)
     else:
-        rows = sp.diag(*[canonical(given)] * size).tolist()
+        rows = _diagonal([given] * size)
     if len(rows) != size or any(len(row) != size for row in rows):
         shape = f"{len(rows)} rows of {sorted({len(row) for row in rows})}"
         raise ModelError(
@@ -70,13 +70,16 @@ def _matrix(given: Any, names: Sequence[str]) -> sp.ImmutableMatrix:
             key="intensity",
         )
     matrix = sp.ImmutableMatrix([[canonical(entry) for entry in row] for row in rows])
-    for i in range(size):
-        for j in range(i):
-            if matrix[i, j] != matrix[j, i]:
-                raise ModelError(
-                    f"the intensity is not symmetric: `{names[i]},{names[j]}` is {matrix[i, j]} and "
-                    f"`{names[j]},{names[i]}` is {matrix[j, i]}",
-                    table="noise",
-                    key="intensity",
-                )
+    if matrix != matrix.T:
+        i, j = next(pair for pair in matrix.todok() if matrix[pair] != matrix.T[pair])
+        raise ModelError(
+            f"the intensity is not symmetric: `{names[i]},{names[j]}` is {matrix[i, j]} and "
+            f"`{names[j]},{names[i]}` is {matrix[j, i]}",
+            table="noise",
+            key="intensity",
+        )
     return matrix
+
+
+def _diagonal(values: Sequence[Any]) -> list[list[Any]]:
+    return [[value if i == j else sp.S.Zero for j in range(len(values))] for i, value in enumerate(values)]

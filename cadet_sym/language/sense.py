@@ -43,12 +43,11 @@ def values(model: Model) -> None:
     _start(model, known)
     if model.noise is not None:
         name = ",".join(model.noise.names)
-        for t in np.linspace(0, duration, _TIMES):
-            _semidefinite(
-                _numbers(model.noise.intensity, {**known, TIME: t}),
-                f"the intensity of `{name}` at t = {t:g}",
-                table="noise",
-            )
+        varies = TIME in model.noise.intensity.free_symbols
+        for t in np.linspace(0, duration, _TIMES) if varies else [0.0]:
+            intensity = _numbers(model.noise.intensity, {**known, TIME: t})
+            when = f" at t = {t:g}" if varies else ""
+            _semidefinite(intensity, f"the intensity of `{name}`{when}", table="noise")
     if model.travel is not None:
         _speed(model, known, duration)
     if model.ground is not None and model.travel is not None:
@@ -56,7 +55,10 @@ def values(model: Model) -> None:
 
 
 def _numbers(matrix: sp.MatrixBase, known: Mapping[sp.Symbol, float]) -> np.ndarray:
-    return np.array([[evaluate(entry, known) for entry in row] for row in matrix.tolist()]).reshape(matrix.shape)
+    numbers = np.zeros(matrix.shape)
+    for (i, j), entry in matrix.todok().items():
+        numbers[i, j] = evaluate(entry, known)
+    return numbers
 
 
 # --------------------------------------------------------------------------- start
