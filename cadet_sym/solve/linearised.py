@@ -154,7 +154,8 @@ class LinearisedMoments:
         if not p.tracks:
             return u, v
         modal = form if isinstance(form, ModalForm) else nearby_modal_form(self.at.N)
-        changes, wheels = delay_directions(self.at, modal)
+        changes, wheels = delay_directions(self.at, modal, np.zeros(1))
+        changes = changes[0]
         if modal is not form:
             changes = form.enter_vector(modal.leave_vector(changes.reshape(p.n, -1))).reshape(changes.shape)
         wheels = np.broadcast_to(form.enter_vector(wheels)[:, None], changes.shape)
@@ -165,7 +166,7 @@ class LinearisedMoments:
         return self.form.enter_form(self.at.problem.C)
 
 
-def delay_directions(at: Evaluation, modal: ModalForm, shift: complex = 0.0) -> tuple[Array, Array]:
+def delay_directions(at: Evaluation, modal: ModalForm, shifts: Array) -> tuple[Array, Array]:
     """What the gains do to the forcing of wheels in one track: sum_m (u_im v_m^T + v_m u_im^T) for each argument i.
 
     The columns of all g_k change by dg_k = exp((N - shift) tau) dg_(k-1) + E_i (g_(k-1) + b_(k-1)), where E_i is the
@@ -174,30 +175,30 @@ def delay_directions(at: Evaluation, modal: ModalForm, shift: complex = 0.0) -> 
 
     Returns
     -------
-    u : (n, K, m) changes, in modal coordinates.
+    u : (s, n, K, m) changes for each shift, in modal coordinates.
     v : (n, m) inputs of the wheel concerned, times V Q.
     """
     p = at.problem
     b, C = modal.enter_vector(p.columns), modal.enter_form(p.C)
-    ends = np.exp((modal.eigenvalues - shift)[:, None, None])
+    shifted = modal.eigenvalues - shifts[:, None]
     changes, wheels = [], []
     for track, found in zip(p.tracks, at.correlations, strict=True):
         before = [np.zeros_like(track.inputs[0]), *found[:-1]]
-        dg = np.zeros((p.n, len(p.C), track.inputs[0].shape[1]), dtype=complex)
+        dg = np.zeros((len(shifts), p.n, len(p.C), track.inputs[0].shape[1]), dtype=complex)
         for k, time in enumerate(track.times):
             start = modal.enter_vector(before[k] + track.inputs[k])
-            divided = _divided_exponential(modal.eigenvalues - shift, modal.eigenvalues, time)
-            kicks = np.einsum("pq,iq,qw->piw", divided, C, start)
-            dg = ends**time * dg + b[:, :, None] * kicks
+            divided = _divided_exponential(shifted[:, :, None], modal.eigenvalues, time)
+            kicks = np.einsum("spq,qiw->spiw", divided, C.T[:, :, None] * start[:, None, :])
+            dg = np.exp(shifted * time)[:, :, None, None] * dg + b[:, :, None] * kicks
             changes.append(dg)
             wheels.append(track.speed * track.inputs[k + 1] @ track.intensity)
-    return np.concatenate(changes, axis=2), np.concatenate(wheels, axis=1)
+    return np.concatenate(changes, axis=3), np.concatenate(wheels, axis=1)
 
 
 def _divided_exponential(a: Array, b: Array, time: float) -> Array:
-    """(exp(a_p t) - exp(b_q t)) / (a_p - b_q), (len(a), len(b)), accurate where the two are close."""
-    difference = (a[:, None] - b) * time
-    larger = np.where(difference.real > 0, a[:, None], b) * time
+    """(exp(a t) - exp(b t)) / (a - b), broadcast, accurate where the two are close."""
+    difference = (a - b) * time
+    larger = np.where(difference.real > 0, a, b) * time
     x = np.where(difference.real > 0, -difference, difference)
     small = np.abs(x) < 1e-8
     quotient = np.where(small, 1 + x / 2, np.expm1(x) / np.where(small, 1.0, x))

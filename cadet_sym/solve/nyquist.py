@@ -98,22 +98,25 @@ class Response:
         K, S = len(p.C), p.pairs.shape[1]
         Y = self._sum(*self.fractions, s).reshape(-1, S, K)
         if p.tracks:
-            Y = Y + np.array([self._delayed(each) for each in s])
+            Y = Y + self._delayed(s)
         return Y, self._sum(*self.singles, s).reshape(-1, K, S)
 
     def _sum(self, poles: Array, residues: Array, s: Array) -> Array:
         return (1.0 / (s[:, None] - poles)) @ residues
 
-    def _delayed(self, s: complex) -> Array:
-        """What the gains do through the forcing of wheels in one track: a part of Y(s)."""
+    def _delayed(self, s: Array) -> Array:
+        """What the gains do through the forcing of wheels in one track: a part of Y, (k, T - K, K)."""
         p, form = self.at.problem, self.form
         u, v = delay_directions(self.at, form, s)
-        v = np.broadcast_to(form.enter_vector(v)[:, None], u.shape)
         C = form.enter_form(p.C)
-        weights = 1.0 / (s - form.eigenvalues[:, None] - form.eigenvalues)
-        half = np.einsum("pim,qim->ipq", u, v)
-        X = (half + half.transpose(0, 2, 1)) * weights
-        return np.einsum("ap,ipq,aq->ai", C[p.pairs[0]], X, C[p.pairs[1]])
+        weights = 1.0 / (s[:, None, None] - form.eigenvalues[:, None] - form.eigenvalues)
+        v = form.enter_vector(v)
+        first, other = C[p.pairs[0]], C[p.pairs[1]]
+        # sum_pq a_p o_q (u_p v_q + v_p u_q) / (s - l_p - l_q): over the wheels' side first
+        wheels = [np.einsum("spq,aq,qm->sapm", weights, a, v, optimize=True) for a in (other, first)]
+        return np.einsum("ap,sapm,spim->sai", first, wheels[0], u, optimize=True) + np.einsum(
+            "ap,sapm,spim->sai", other, wheels[1], u, optimize=True
+        )
 
     def determinant(self, s: Array) -> Array:
         """Values of f at complex s (k,)."""
@@ -189,6 +192,7 @@ def _evaluate(response: Response, omega: Array) -> Array:
     return np.where(value == 0, 1e-300, value)
 
 
+@np.errstate(all="ignore")  # the search for zeros may stray
 def rightmost(response: Response, stable: bool) -> complex:
     """The eigenvalue of the moment equations with the largest real part among those near zero and the slow modes.
 
@@ -273,9 +277,10 @@ def _zeros(response: Response) -> list[complex]:
 
 def _secant(response: Response, start: complex, step: float) -> complex | None:
     s, previous = start, start + step
+    limit = 100 * (abs(start) + float(np.abs(response.form.eigenvalues).max()))
     f, f_previous = response.determinant(np.array([s, previous]))
     for _ in range(30):
-        if f == f_previous or not np.isfinite(f):
+        if f == f_previous or not np.isfinite(f) or abs(s) > limit:
             return None
         new = s - f * (s - previous) / (f - f_previous)
         previous, f_previous, s = s, f, new

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cadet_sym.errors import SolverError
-from cadet_sym.solve.branches import crossings
+from cadet_sym.solve.continuation import crossings
 from cadet_sym.solve.drift import Frame
 from cadet_sym.solve.frozen import Evaluation, FrozenProblem, WheelTrack, evaluate
 from cadet_sym.solve.rungs import Attempt, newton
@@ -36,7 +36,7 @@ FOLLOWED = 40
 
 
 def stationary_points(
-    problem: FrozenProblem, start: tuple[Array, Array] | None = None, *, starts: int = 40
+    problem: FrozenProblem, start: tuple[Array, Array] | None = None, *, starts: int = 30, louder: bool = True
 ) -> tuple[StationaryPoint, ...]:
     """Look for all stationary solutions; stable ones first, then by the size of their covariance.
 
@@ -45,6 +45,7 @@ def stationary_points(
     problem : the moment equations with everything else fixed.
     start : as for `stationary_point`.
     starts : random starts, and as many equilibria to look for; the same each time.
+    louder : whether to follow what is found while the noise grows and fades.
 
     Raises
     ------
@@ -63,7 +64,7 @@ def stationary_points(
     while place < len(found.points):
         point = found.points[place]
         found.add(newton(view.problem, (-point.evaluation.mean, point.evaluation.covariance), name="mirrored"))
-        if place not in covered and problem.n <= FOLLOWED:
+        if louder and place not in covered and problem.n <= FOLLOWED:
             guesses = _followed(problem, point)
             covered |= {found.add(newton(view.problem, guess, name="followed in the noise")) for guess in guesses}
         place += 1
@@ -146,7 +147,7 @@ def _followed(problem: FrozenProblem, point: StationaryPoint) -> list[tuple[Arra
         return replace(problem, D=factor * problem.D, tracks=tracks)
 
     try:
-        return crossings(family, point, 0.0, DECADES)
+        return crossings(family, point.frame, point.evaluation, 0.0, DECADES)
     except SolverError:
         return []
 

@@ -98,7 +98,7 @@ def ladder(view: Frame, start: tuple[Array, Array] | None) -> Iterator[Attempt]:
     yield newton(p, (rest, 1e-8 * spread), name="Newton from rest")
     yield follow(p, (rest, spread), name="pseudo-transient from a short run")
     yield follow(p, (rest, 1e-8 * spread), limit=600, tolerance=0.05, name="march from rest")
-    yield from scattered(view, 12)
+    yield from scattered(view, 8)
 
 
 def scattered(view: Frame, count: int) -> Iterator[Attempt]:
