@@ -91,7 +91,8 @@ def main() -> None:
         x = plain(paths, steps)
         seconds = perf_counter() - began
         each = 1e9 / (paths * steps)
-        print(f"dt {END / steps:.0e}  plain {seconds * each:6.1f} ns a path-step, mean {x.mean():+.4f} variance {x.var():.4f}", end="   ")
+        found = f"mean {x.mean():+.4f} variance {x.var():.4f}"
+        print(f"dt {END / steps:.0e}  plain {seconds * each:6.1f} ns a path-step, {found}", end="   ")
         seconds, mean, variance = ours(problem, paths, steps)
         print(f"cadet-sym {seconds * each:6.1f} ns, mean {mean:+.4f} variance {variance:.4f}")
 

@@ -250,7 +250,7 @@ def _vanishes(expr: sp.Expr) -> bool:
             if abs(math.fsum(values)) > 1e-9 * max(map(abs, values)):
                 return False
         exact = [sp.N(term.subs(point), 40) for term in terms]
-        size = sum((abs(value) for value in exact), sp.Float(0))
+        size = sp.Add(*(abs(value) for value in exact))
         if not size.is_finite or abs(sum(exact, sp.Float(0, 40))) > size * sp.Float("1e-30"):
             return False
     return True

@@ -141,7 +141,7 @@ class _Separator:
 
     def sums_of_products(self, body: sp.Expr) -> Iterator[tuple[sp.Expr, ...]]:
         """Factors of every term."""
-        waiting = [t for t in sp.Add.make_args(_expanded(body))]
+        waiting = list(sp.Add.make_args(_expanded(body)))
         count = 0
         while waiting:
             term = waiting.pop()

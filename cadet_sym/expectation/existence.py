@@ -128,7 +128,7 @@ def _outgrows(w: sp.Expr, z: sp.Symbol, side: int) -> bool:
             return False
         lead = polynomial.LC() * side ** polynomial.degree()
         return bool(lead.is_positive) or (polynomial.degree() > 2 and not lead.is_negative)
-    values = {s: 1.0 for s in w.free_symbols}
+    values = dict.fromkeys(w.free_symbols, 1.0)
     try:
         near, far = (evaluate(w, {**values, z: side * x}) / x**2 for x in (1e3, 1e4))
     except ModelError:

@@ -56,7 +56,7 @@ def _of_product(product: Product, describing: DescribingFunction) -> sp.Expr | N
         return product.coefficient * _moment(product.powers, describing.means, _covariances(describing))
     if len(product.functions) > 1 or any(product.powers):
         return None
-    ((index, function),) = product.functions
+    index, function = next(iter(product.functions))
     variance = _covariances(describing)[index, index]
     p = sp.Dummy(positive=True)
     value = _of_univariate(function, describing.means[index], p)

@@ -7,6 +7,7 @@ is then read as equal to its lower one.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -337,7 +338,7 @@ class Splitter:
         """Signs between sorted numeric roots of odd order."""
         sign = int(sp.sign(polynomial.LC())) * (-1) ** polynomial.degree()
         bounds = [None, *roots, None]
-        for low, high in zip(bounds[:-1], bounds[1:], strict=True):
+        for low, high in itertools.pairwise(bounds):
             part = cell if low is None else cell.above(low)
             part = part if high is None or part is None else part.below(high)
             if part is not None:
@@ -375,6 +376,7 @@ _KINKED = tuple(_RULES)
 
 
 def has_kinks(expr: sp.Expr, z: sp.Symbol) -> bool:
+    """Whether the expression has a part that may have a kink or a jump in z."""
     return any(node.has(z) for node in expr.atoms(*_KINKED))
 
 
@@ -403,7 +405,7 @@ def affine(expr: sp.Expr, z: sp.Symbol) -> tuple[sp.Expr, sp.Expr] | None:
 def factors_of(expr: sp.Expr, z: sp.Symbol) -> list[sp.Expr]:
     """Factors whose product has the sign of the expression: odd powers once, even powers left out."""
     constant, factors = factored(expr) if expr.is_polynomial(z) else (sp.S.One, _literal_factors(expr))
-    odd = [base for base, power in factors if not (power.is_even if isinstance(power, sp.Basic) else power % 2 == 0)]
+    odd = [base for base, power in factors if not sp.sympify(power).is_even]
     return [constant, *odd] if constant != 1 and odd else odd or [constant]
 
 
@@ -440,7 +442,7 @@ def _inverted(expr: sp.Expr, z: sp.Symbol) -> sp.Expr | None:
     if not value.is_number:
         return scale * core.args[0] if level == 0 and core.func(0) == 0 else None
     lowest, highest = core.func(sp.S.NegativeInfinity), core.func(sp.S.Infinity)
-    if lowest.is_real and value <= lowest or isinstance(core, sp.exp) and value <= 0:
+    if (lowest.is_real and value <= lowest) or (isinstance(core, sp.exp) and value <= 0):
         return scale
     if highest.is_real and value >= highest:
         return -scale

@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import sympy as sp
@@ -39,19 +39,9 @@ ROOT_TWO_PI = float(np.sqrt(2 * np.pi))
 Number = Any  # float, NumPy array or CasADi SX
 
 
-class Algebra(Protocol):
-    """What laying out nodes needs of NumPy or CasADi."""
-
-    def exp(self, x: Number) -> Number: ...
-    def sqrt(self, x: Number) -> Number: ...
-    def asinh(self, x: Number) -> Number: ...
-    def fabs(self, x: Number) -> Number: ...
-    def fmin(self, x: Number, y: Number) -> Number: ...
-    def fmax(self, x: Number, y: Number) -> Number: ...
-    def where(self, condition: Number, x: Number, y: Number) -> Number: ...
-    def frozen(self, x: Number) -> Number: ...  # as a constant: the integral does not depend on where it is split
-    def column(self, x: np.ndarray) -> Number: ...
-    def geometric(self, first: Number, step: Number, count: int) -> tuple[Number, Number]: ...
+Algebra = Any
+"""What laying out nodes needs of NumPy (`NumpyAlgebra`) or CasADi: exp, sqrt, asinh, fabs, fmin, fmax, where, column,
+geometric, and `frozen`, which makes a value a constant, for the integral does not depend on where it is split."""
 
 
 class NumpyAlgebra:
@@ -266,7 +256,8 @@ class _Layout:
         first = -self.substituted(centre - low, width, length)
         last = self.substituted(high - centre, width, length)
         step = (last - first) / (count - 1)
-        distance, slope = self.distances(*self.xp.geometric(first, step, count), width, length)
+        up, down = self.xp.geometric(first, step, count)
+        distance, slope = self.distances(up, down, width, length)
         u = centre + distance
         return Nodes(u, step * slope * self.density(u))
 

@@ -194,7 +194,7 @@ class _Panels:
             self.symbol = sp.Dummy("x", positive=True)
             self.value = about_end(part.value, part.argument, end, self.side, self.symbol)
             self.gap = beyond_reach(g, end, self.side)
-            points = [g.s * (n.distance + self.gap) for n in self.nodes]
+            points = [g.s * (n.distance + self.gap) for n in self.nodes if n.distance is not None]
         else:
             self.symbol, self.value = part.argument, part.value
             points = [g.m + g.s * n.u for n in self.nodes]

@@ -76,7 +76,7 @@ class _Conditioning:
         return low, high
 
     def _nodes(self, piece: Slice, low: ca.SX, high: ca.SX) -> list[Nodes]:
-        part, outer = piece.part, self.outer
+        part = piece.part
         crossings = self.nested.crossings
         steep = [self._crossing(crossing) for crossing in crossings]
         steep += [self._own_place(place) for place in part.steep[len(crossings) :]]
@@ -124,7 +124,8 @@ class _Conditioning:
         means = self.means + ca.mtimes(ca.vertcat(*self.lean), u)
         parameters = ca.vertcat(*(self.outer.value(symbol) for symbol in free))
         q = ca.vertcat(z, ca.repmat(parameters, 1, z.shape[1])) if free else z
-        return function(means, ca.repmat(self.covariances, 1, z.shape[1]), q)
+        F, gains, slopes = function(means, ca.repmat(self.covariances, 1, z.shape[1]), q)
+        return F, gains, slopes
 
 
 def _inner_function(

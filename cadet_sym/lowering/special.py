@@ -103,7 +103,8 @@ def complex_mills_ratio(x: Complex) -> Complex:
 
     J. A. C. Weideman, "Computation of the complex error function", SIAM J. Numer. Anal. 31 (1994), 1497.
     """
-    return Complex(*_complex_mills_function()(x.real, x.imaginary))
+    real, imaginary = _complex_mills_function()(x.real, ca.SX(0) if x.imaginary is None else x.imaginary)
+    return Complex(real, imaginary)
 
 
 @cache
@@ -117,7 +118,8 @@ def _complex_mills_function() -> ca.Function:
     for coefficient in reversed(coefficients[:-1]):
         total = total * Z + Complex(ca.SX(coefficient))
     value = (total * t * t * 2.0 + t * (1 / math.sqrt(math.pi))) * math.sqrt(math.pi / 2)
-    return ca.Function("complex_mills", list(parts), [value.real, value.imaginary])
+    imaginary = ca.SX(0) if value.imaginary is None else value.imaginary
+    return ca.Function("complex_mills", list(parts), [value.real, imaginary])
 
 
 @cache

@@ -20,7 +20,7 @@ from cadet_sym.lowering.system import LoweredSystem
 __all__ = ["GroundInverse"]
 
 Array = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complexfloating]
+ComplexArray = npt.NDArray
 
 
 @dataclass
@@ -34,7 +34,7 @@ class GroundInverse:
         delay = self.lowered.equations.delay
         assert delay is not None
         self.tracks: tuple[TrackDelay, ...] = delay.tracks
-        self._modes: tuple[ComplexArray, ComplexArray, ComplexArray] | None = None
+        self._modes: tuple[npt.NDArray, npt.NDArray, npt.NDArray] | None = None
 
     def decompose(self, N: Array, scale: Array) -> None:
         """Take the modes of N, in units of the states' sizes; held until the next call."""
@@ -87,9 +87,9 @@ class GroundInverse:
             # (n modes, nodes, q noises)
             modal = (inverse @ r[first : first + size].reshape(-1, n).T).reshape(n, track.nodes, q)
             solved, arrivals = _sweep(track, elements, modal)
-            found.append((vectors @ solved.reshape(n, -1)).real.T.ravel())
+            found.append(np.real(vectors @ solved.reshape(n, -1)).T.ravel())
             for arriving, weight in zip(arrivals, wheels, strict=True):
-                half = (vectors @ arriving).real @ weight
+                half = np.real(vectors @ arriving) @ weight
                 forcing += self._g * self._speed * (half + half.T)
             first += size
         return np.concatenate(found), forcing
