@@ -113,7 +113,8 @@ def moment_equations(quasi_linear: QuasiLinearSystem, grid: tuple[int, int] = (4
     system = quasi_linear.system
     n = len(system.states)
     means = tuple(symbol(f"E[{state.name}]") for state in system.states)
-    expectations = tuple(symbol(f"F_{j + 1}") for j in range(len(quasi_linear.elements)))
+    # Names with brackets: no parameter of the user can be called so.
+    expectations = tuple(symbol(f"F[{j + 1}]") for j in range(len(quasi_linear.elements)))
     gains = tuple(_gain_symbols(j, len(e.forms)) for j, e in enumerate(quasi_linear.elements))
     delay = delay_grid(system, *grid)
     gates = _gates(quasi_linear)
@@ -136,7 +137,7 @@ def moment_equations(quasi_linear: QuasiLinearSystem, grid: tuple[int, int] = (4
 
 
 def _gain_symbols(j: int, count: int) -> tuple[sp.Symbol, ...]:
-    names = [f"k_{j + 1}"] if count == 1 else [f"k_{j + 1}{a + 1}" for a in range(count)]
+    names = [f"k[{j + 1}]"] if count == 1 else [f"k[{j + 1},{a + 1}]" for a in range(count)]
     return tuple(symbol(name) for name in names)
 
 
