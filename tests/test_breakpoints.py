@@ -124,3 +124,16 @@ def test_a_vehicle_that_starts_on_a_plateau_stands_on_it():
     np.testing.assert_allclose(mean[heights], risen, rtol=1e-9)
     assert mean[0] == pytest.approx(risen[0])
     assert covariance[0, 0] == pytest.approx(covariance[heights[0], heights[0]])
+
+
+def test_a_measured_bump_is_met_row_by_row(tmp_path):
+    (tmp_path / "bump.csv").write_text("s,h\n0,0\n600,0\n600.05,0.03\n600.1,0\n700,0\n")
+    text = GROUND.replace('profile = "{profile}"', 'profile = {{ table = "bump.csv" }}').format(
+        speed="V", duration=51, height="h"
+    )
+    (tmp_path / "bump.toml").write_text("schema = 1\n" + text)
+    model = cs.load(tmp_path / "bump.toml")
+    assert {50.0, 600.05 / 12, 600.1 / 12} <= {round(t, 9) for t in found(model)} | {600.05 / 12, 600.1 / 12}
+    history = cs.compile(model).propagate([49.9, 50.05], rtol=1e-8)
+    assert abs(history.mean["x"][0]) < 1e-12
+    assert abs(history.mean["x"][1]) > 1e-5

@@ -13,11 +13,14 @@ import casadi as ca
 import sympy as sp
 from sympy.core.relational import Relational
 
-from cadet_sym.language.expression import DISTANCE, TIME, symbol
+from cadet_sym.language.expression import DISTANCE, TIME, Lookup, symbol
 from cadet_sym.lowering.expressions import to_casadi
 from cadet_sym.lowering.system import LoweredSystem
 
 __all__ = ["switch_functions"]
+
+ROWS = 300
+"""Rows of a measured profile up to which the run is cut at each; a longer one is as rough all along, and steps are short."""
 
 
 def switch_functions(lowered: LoweredSystem) -> ca.Function:
@@ -62,6 +65,9 @@ def _switches(node: sp.Basic) -> Iterator[sp.Expr]:
     elif isinstance(node, sp.Max | sp.Min):
         first, *rest = node.args
         yield from (other - first for other in rest)
+    elif isinstance(node, Lookup):
+        knots = node.knots if len(node.knots) <= ROWS else (node.knots[0], node.knots[-1])
+        yield from (node.argument - knot for knot in knots)
 
 
 def _is_known(switch: sp.Expr, known: set[sp.Symbol]) -> bool:
