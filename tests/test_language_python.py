@@ -13,7 +13,7 @@ from cadet_sym.errors import ExportError, LinearisationError, ModelError, Solver
 from cadet_sym.language.element import Element
 from cadet_sym.language.expression import TIME, ElementCall, der, parse, symbol
 from cadet_sym.language.frozen import FrozenDict
-from cadet_sym.language.ground import Ground, exponential, iso8608, shaping_filter
+from cadet_sym.language.ground import exponential, iso8608, shaping_filter
 from cadet_sym.language.model import Initial, Model, Noise, Parameter, Run
 from cadet_sym.language.modelfile import loads
 from cadet_sym.language.travel import Travel
@@ -227,7 +227,6 @@ def test_a_frozen_dictionary_is_a_mapping():
         (lambda: undercarriage(initial=Initial(covariance={(x, v): 1})), "not positive semidefinite"),
         (lambda: undercarriage(noise={"x": 1}), "a state and a noise"),
         (lambda: undercarriage(travel=Travel(speed=a * (5 - t))), "speed is negative"),
-        (lambda: undercarriage(ground=iso8608("C").rolling_contact(2)), "no stationary height"),
         (lambda: undercarriage(vehicle=Vehicle({x: v})), "no contact touches this ground"),
     ],
 )
@@ -235,15 +234,6 @@ def test_what_is_wrong_is_said(make, words):
     with pytest.raises(ModelError) as caught:
         make()
     assert words in str(caught.value)
-
-
-def test_an_integrated_road_names_its_remedies():
-    with pytest.raises(ModelError) as caught:
-        undercarriage(ground=iso8608("C").rolling_contact(2))
-    assert '"smooth"' in str(caught.value)
-    assert "cutoff" in str(caught.value)
-    smooth = undercarriage(ground=iso8608("C").rolling_contact(2), initial=Initial(ground="smooth"))
-    assert isinstance(smooth.ground, Ground)
 
 
 # ------------------------------------------------------------------ errors

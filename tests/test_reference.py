@@ -280,3 +280,12 @@ def test_a_start_in_the_stationary_state_stays_there():
     history = propagate(half_car('whole = "stationary"'), [0.0, 0.5, 2.0], rtol=1e-9)
     for name in expected:
         np.testing.assert_allclose(history.variance[name], expected[name], rtol=1e-6)
+
+
+def test_an_integrated_road_has_no_stationary_start_but_closures_settle_on_it():
+    p = {key: float(sp.Rational(number)) for key, number in value("R12")["values"]["TurkayAkcay"]["params"].items()}
+    compiled = cs.compile(quarter_car(p, V=20, gd=256e-6))
+    close(compiled.stationary().variance["stroke"], value("R12")["values"]["TurkayAkcay"]["var_stroke"])
+    with pytest.raises(cs.ModelError, match=r'ground = "smooth".*cutoff') as error:
+        compiled.propagate()
+    assert error.value.exit_status == 2

@@ -166,9 +166,6 @@ def _ground(model: Model, ground: Ground, known: dict[sp.Symbol, float]) -> None
         for matrix in (road.C, road.D, road.F, road.offset, sp.Matrix([road.profile])):
             if not np.isfinite(_numbers(matrix, at)).all():
                 raise ModelError(f"a coefficient of the ground is not a finite number at s = {s:g}", table="ground")
-    if model.initial.ground == "stationary":
-        for s in places:
-            _has_stationary_start(road, {**known, DISTANCE: s}, s)
     _smooth_enough(road, kinks, known, _asked(model))
 
 
@@ -181,22 +178,6 @@ def _positive_numbers(ground: Ground, known: Mapping[sp.Symbol, float]) -> None:
             raise ModelError(
                 f"a positive number is wanted, not {evaluate(expr, known):g}", table="ground", key=key, token=""
             )
-
-
-def _has_stationary_start(road: ShapingFilter, known: Mapping[sp.Symbol, float], s: float) -> None:
-    """Refuse a stationary start on a road that has none."""
-    C, D, Q = (_numbers(matrix, known) for matrix in (road.C, road.D, road.Q))
-    if not (D @ Q @ D.T).any():
-        return
-    growth = float(np.linalg.eigvals(C).real.max())
-    if growth > -1e-12 * np.abs(C).max(initial=1e-300):
-        kind = "is integrated white noise" if abs(growth) < 1e-9 else "grows"
-        raise ModelError(
-            f'this road has no stationary height (it {kind} at s = {s:g}): start with ground = "smooth" in [initial], '
-            "or give the road a `cutoff`",
-            table="initial",
-            key="ground",
-        )
 
 
 def _smooth_enough(road: ShapingFilter, kinks: list[float], known: Mapping[sp.Symbol, float], order: int) -> None:
