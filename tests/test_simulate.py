@@ -75,6 +75,15 @@ def test_a_pair_is_the_two_runs_it_stands_for():
     assert 0 < np.abs(fine - coarse)[1:, :4].max() < 0.05 * np.abs(fine[:, :4]).max()
 
 
+def test_two_programs_never_share_a_name():
+    """Machine code is found by the names of functions, also where it was compiled by another process."""
+    fast = pytest.importorskip("cadet_sym.simulate.fast")
+    programs = [Problem(augment(m), np.array([1.0])).program for m in (oleo("R43C"), toml(HALF_CAR))]
+    pairs = [fast.compile_program(program.numba_source) for program in programs]
+    assert len({function.__name__ for pair in pairs for function in pair}) == 4
+    assert fast.compile_program(programs[0].numba_source) is pairs[0]
+
+
 def test_results_do_not_depend_on_threads_or_executors():
     model = oscillator("-v*abs(v)", Q=1.0, scalar=True)
     runs = [simulate(model, 3000, times=TIMES, step=0.05, threads=n, check_step=False) for n in (1, 3)]
@@ -165,6 +174,7 @@ def test_the_step_error_says_what_the_step_does():
 
     run = simulate(model, 4000, times=[8.0], step=h)
     expected = 2 * (variance(h) - variance(h / 2))
+    assert run.step_error is not None
     claimed, doubt = run.variance_step_error["v"][0], run.step_error.variance_standard_error[0, 0]
     assert abs(claimed - expected) < 4 * doubt
     assert doubt < 0.3 * abs(expected)

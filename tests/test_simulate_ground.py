@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from reference_models import toml
@@ -103,7 +105,9 @@ def test_wheels_meet_the_same_ground_at_any_speed():
     for k in (0, 3, 8):
         xi = {w: np.stack([rows[f"{w}.height"][k], rows[f"{w}.slope"][k]]) for w in ("front", "rear", "near", "other")}
         for w in xi:
-            assert np.allclose(xi[w] @ xi[w].T / n, P0, atol=5 * np.sqrt(2 / n) * np.sqrt(np.outer(P0.diagonal(), P0.diagonal())).max())
+            assert np.allclose(
+                xi[w] @ xi[w].T / n, P0, atol=5 * np.sqrt(2 / n) * np.sqrt(np.outer(P0.diagonal(), P0.diagonal())).max()
+            )
         for ahead, behind, gap in (("front", "rear", 1.5), ("near", "rear", 1.25), ("front", "near", 0.25)):
             expected = expm(C_ * gap) @ P0
             size = np.sqrt(np.outer(P0.diagonal(), P0.diagonal()))
@@ -217,7 +221,7 @@ def test_a_profile_drives_the_vehicle_like_any_input():
 
     edges = [0.0, np.sqrt(2) - 1, np.sqrt(6) - 1, 4.0]
     y, expected, times = np.zeros(2), [], np.linspace(0.0, 4.0, 9)
-    for a, b in zip(edges, edges[1:], strict=False):
+    for a, b in pairwise(edges):
         inside = [t for t in times if a <= t < b]
         run = solve_ivp(rate, (a, b - 1e-12), y, rtol=1e-10, atol=1e-12, t_eval=[*inside, b - 1e-12])
         expected += list(run.y[:, :-1].T)

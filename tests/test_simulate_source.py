@@ -144,4 +144,3 @@ def test_names_of_a_model_do_not_reach_the_source():
     for word in ("exec_", "print", "bend"):
         assert word not in program.numba_source
         assert word not in program.numpy_source
-

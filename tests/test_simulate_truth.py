@@ -141,9 +141,7 @@ def test_a_linear_system_has_the_covariance_of_its_lyapunov_equation(paths):
         points = 3
         """
     )
-    A = np.array(
-        [[0, 0, 1, 0, 0], [0, 0, 0, 1, 0], [-20, 20, -2, 2, 0], [100, -1000, 10, -10, 900], [0, 0, 0, 0, -3.0]]
-    )
+    A = np.array([[0, 0, 1, 0, 0], [0, 0, 0, 1, 0], [-20, 20, -2, 2, 0], [100, -1000, 10, -10, 900], [0, 0, 0, 0, -3.0]])
     P = solve_continuous_lyapunov(A, -np.diag([0, 0, 0, 0.4, 2 * 3.0 * 0.25]))
     run = simulate(model, paths, seed=1)
     for k, name in enumerate(run.states):

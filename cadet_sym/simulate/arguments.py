@@ -69,9 +69,7 @@ def places_of(names: Sequence[str], known: Sequence[str], argument: str) -> list
         raise ModelError(f"simulate: `{argument}` is a list of names, as [{names!r}]")
     for name in names:
         if name not in known:
-            raise ModelError(
-                f"simulate: `{argument}`: there is no state or output `{name}`; there are {', '.join(known)}"
-            )
+            raise ModelError(f"simulate: `{argument}`: there is no state or output `{name}`; there are {', '.join(known)}")
     return [list(known).index(name) for name in names]
 
 

@@ -82,7 +82,8 @@ class ControlTally:
 
     def sums(self, records: np.ndarray, first: int) -> np.ndarray:
         """(batches, times, size, size), from records (times, rows, paths) that begin with path number `first`."""
-        v = self._vectors(records)
+        with np.errstate(over="ignore", invalid="ignore"):  # of paths that diverged, left out in the end
+            v = self._vectors(records)
         total = np.zeros((BATCHES, len(v), self.size, self.size))
         for lag in range(min(BATCHES, v.shape[2])):
             part = v[:, :, lag::BATCHES]

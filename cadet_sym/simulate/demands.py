@@ -30,7 +30,7 @@ class Demands:
         problem: Problem,
         chosen: Chosen,
         crossings: Mapping[str, CrossingRider],
-        histograms: Mapping[str, int | Sequence[float]],
+        histograms: Mapping[str, int | Sequence[float] | np.ndarray],
         average_from: float | None,
         look: Callable[[], Moments],
     ):
@@ -48,8 +48,7 @@ class Demands:
             if average_from is not None:
                 self.average = _average(problem, average_from, reference)
         self.crossings = {
-            name: CrossingTally(problem.first_row(rider), rider.levels, problem.times)
-            for name, rider in crossings.items()
+            name: CrossingTally(problem.first_row(rider), rider.levels, problem.times) for name, rider in crossings.items()
         }
         self.controls = controls
         self.control_rows = [tally.target for tally in controls]
@@ -62,7 +61,7 @@ class Demands:
         return {name: tally.result(sums[id(tally)]) for name, tally in of.items()}
 
 
-def _edges(name: str, bins: int | Sequence[float], reference: Moments, row: int) -> np.ndarray:
+def _edges(name: str, bins: int | Sequence[float] | np.ndarray, reference: Moments, row: int) -> np.ndarray:
     if isinstance(bins, int | np.integer) and not isinstance(bins, bool):
         if bins < 1:
             raise ModelError(f"simulate: `histograms` of `{name}`: one bin or more is wanted; found {bins}")
@@ -76,7 +75,6 @@ def _average(problem: Problem, since: float, reference: Moments) -> AverageTally
     start = int(np.searchsorted(problem.times, since))
     if start >= len(problem.times):
         raise ModelError(
-            f"simulate: `average_from` is {since:g}, beyond the last output time {problem.times[-1]:g}; "
-            "give an earlier one"
+            f"simulate: `average_from` is {since:g}, beyond the last output time {problem.times[-1]:g}; give an earlier one"
         )
     return AverageTally(start, float(problem.times[start]), reference.mean[start:].mean(axis=0))

@@ -50,7 +50,7 @@ def simulate(
     watch: Sequence[str] | None = None,
     time_limit: float | None = None,
     levels: Mapping[str, Sequence[float]] | None = None,
-    histograms: Mapping[str, int | Sequence[float]] | None = None,
+    histograms: Mapping[str, int | Sequence[float] | np.ndarray] | None = None,
     average_from: float | None = None,
     engine: str | None = None,
     threads: int | None = None,
@@ -114,9 +114,7 @@ def simulate(
     chosen = choose_step(problem, precision, seed, step, run_in, engine, check_step)
     began = perf_counter()
     plan, grid = problem.plan(chosen.step, chosen.run_in)
-    tallies = Demands(
-        problem, chosen, crossings, histograms or {}, average_from, lambda: _look(plan, engine, seed, problem)
-    )
+    tallies = Demands(problem, chosen, crossings, histograms or {}, average_from, lambda: _look(plan, engine, seed, problem))
     task = Task(plan, engine, seed, len(system.states), problem.quantities, keep, tallies.all)
     with _telling(progress, goal.paths) as tell:
         found, over = collect(task, goal, tallies.control_rows, executor, threads, tell)

@@ -10,7 +10,7 @@ import math
 import os
 import sys
 from collections.abc import Callable
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -232,9 +232,7 @@ def _compiled() -> tuple[Any, Any]:
     vector, table = np.zeros(0), np.zeros((0, 0))
     ints = np.zeros(0, np.int64)
     ground = numba.typeof(
-        GroundTables(
-            0, ints, vector, ints, ints, ints.reshape(0, 0), ints, ints, ints, ints, ints, 0, False, table, 0, vector
-        )
+        GroundTables(0, ints, vector, ints, ints, ints.reshape(0, 0), ints, ints, ints, ints, ints, 0, False, table, 0, vector)
     )
     steps = numba.typeof(StepTables(table, table, table, vector, vector, vector))
     out = numba.typeof(OutputTables(ints, 0, table, vector, vector))
@@ -306,30 +304,39 @@ NAMESPACE: dict[str, Any] = {
 }
 
 
-@lru_cache(maxsize=64)
+@cache
 def compile_program(source: str) -> tuple[Any, Any]:
-    """`advance` and `record` of a program, compiled, or taken from disk if they were compiled before."""
-    scope = {**NAMESPACE, "__name__": __name__}
-    place = _file_for(source)
-    exec(compile(source, place or "<cadet_sym.simulate>", "exec"), scope)
-    options = {**_OPTIONS, "cache": place is not None}
-    return numba.njit(ADVANCE, **options)(scope["advance"]), numba.njit(RECORD, **options)(scope["record"])
+    """`advance` and `record` of a program, compiled, or taken from disk if they were compiled before.
 
-
-def _file_for(source: str) -> str | None:
-    """A file that holds the source, beside which numba keeps the machine code; None where none can be written.
-
-    Its name is a digest of all that the machine code is made from: the source, this module, the version. The file
-    itself is never run, what was just written is.
+    Their names end in a digest of all that the machine code is made from: source, this module, versions. Machine code
+    is found by the names of functions, so two programs must never share one.
     """
     made_from = (source, Path(__file__).read_text(encoding="utf-8"), numba.__version__, sys.version)
-    name = hashlib.sha256("\n".join(made_from).encode()).hexdigest()[:32]
+    digest = hashlib.sha256("\n".join(made_from).encode()).hexdigest()[:32]
+    for name in ("advance", "record"):
+        source = source.replace(f"def {name}(", f"def {name}_{digest}(")
+    place = _file_for(source, digest)
+    scope = {**NAMESPACE, "__name__": __name__}
+    exec(compile(source, place or "<cadet_sym.simulate>", "exec"), scope)
+    options = {**_OPTIONS, "cache": place is not None}
+    advance, record = (
+        numba.njit(signature, **options)(scope[f"{name}_{digest}"])
+        for name, signature in (("advance", ADVANCE), ("record", RECORD))
+    )
+    return advance, record
+
+
+def _file_for(source: str, digest: str) -> str | None:
+    """A file that holds the source, beside which numba keeps the machine code; None where none can be written.
+
+    The file itself is never run, what was just written is.
+    """
     folder = Path(getattr(config, "CACHE_DIR", "") or _cache_folder()) / "cadet-sym"
-    path = folder / f"program_{name}.py"
+    path = folder / f"program_{digest}.py"
     try:
         if not path.exists():
             folder.mkdir(parents=True, exist_ok=True)
-            fresh = folder / f".{name}.{os.getpid()}"
+            fresh = folder / f".{digest}.{os.getpid()}"
             fresh.write_text(source, encoding="utf-8")
             fresh.replace(path)
         (folder / "__pycache__").mkdir(exist_ok=True)

@@ -85,9 +85,7 @@ def _factor_of(system: AugmentedSystem, row: int, copy: FilterCopy, order: int) 
         return sp.S.Zero
     moving = {derivative, *vehicle.rates, *vehicle.contacts}
     factors = (sp.diff(term, derivative) for term in sp.Add.make_args(sp.expand_mul(rate)))
-    return sp.Add(
-        *(f for f in factors if not f.free_symbols & moving and not f.has(ElementCall, sp.Subs, sp.Derivative))
-    )
+    return sp.Add(*(f for f in factors if not f.free_symbols & moving and not f.has(ElementCall, sp.Subs, sp.Derivative)))
 
 
 def _less(rate: sp.Expr, taken: sp.Expr, xi: tuple[sp.Symbol, ...]) -> sp.Expr:

@@ -55,9 +55,7 @@ class Problem:
     twin : the quasi-linear system along the run, if it is to be carried along, after the other riders.
     """
 
-    def __init__(
-        self, system: AugmentedSystem, times: np.ndarray, riders: Sequence[Rider] = (), twin: Twin | None = None
-    ):
+    def __init__(self, system: AugmentedSystem, times: np.ndarray, riders: Sequence[Rider] = (), twin: Twin | None = None):
         self.system, self.times, self.twin = system, times, twin
         self.twin_rider = None if twin is None else TwinRider(system)
         self.riders: list[Rider] = [*riders, *([] if self.twin_rider is None else [self.twin_rider])]

@@ -23,6 +23,7 @@ _PART = 0.5  # of the sampling error: what the step's error may be
 _TRIALS = 8
 _HOPELESS = 1.4  # halving the step must shrink its error by this much, else pairs of paths do not stay together
 _STANDS_OUT = 4.0  # standard errors by which a step's error must differ from none to count as seen
+_RUNAWAY = 300.0  # times the deviation that one path in ten exceeds
 _SHORTEST = 1e-7  # of the run
 _FLOOR = 1e-4  # of a quantity's own size: an error that is not looked into, however many paths there are
 _RUN_IN = 7.0  # time constants of the slowest mode
@@ -104,14 +105,12 @@ class _Trial:
     bias: float
 
 
-def _try(
-    problem: Problem, step: float, before: float, engine: str, seed: int, pairs: int, precision: Precision
-) -> _Trial:
+def _try(problem: Problem, step: float, before: float, engine: str, seed: int, pairs: int, precision: Precision) -> _Trial:
     plan, grid = problem.plan(step, before, paired=True)
     records = records_in_parts(plan, engine, seed, pairs)
     fine, coarse = (each[:, : problem.quantities] for each in records)
     error, moments = step_error_of(coarse, fine), moments_of(fine, len(problem.system.states))
-    if error.paths < 0.5 * pairs:
+    if error.paths < 0.5 * pairs or _wild(fine) or _wild(coarse):
         return _Trial(float(grid.step.max()), error, moments, math.inf, math.inf)
     spread = math.sqrt(pairs) * np.stack([moments.mean_standard_error, moments.variance_standard_error])
     controls = control_tallies(problem, moments)
@@ -119,6 +118,14 @@ def _try(
         error, spread = controlled_step(controls, records[1], records[0], error, spread)
     allowed = _PART * precision.sampling(spread, moments.variance)
     return _Trial(float(grid.step.max()), error, moments, *_excess(problem, error, moments, allowed))
+
+
+def _wild(records: np.ndarray) -> bool:
+    """Whether some paths run away from the others, as they do where a step is too long for them."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        away = np.abs(records - np.median(records, axis=2, keepdims=True))
+        usual = np.quantile(away, 0.9, axis=2)
+        return bool((away.max(axis=2) > _RUNAWAY * usual)[usual > 0.0].any() or not np.isfinite(usual).all())
 
 
 def _compile(problem: Problem, step: float, before: float, engine: str) -> float:
