@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from cadet_sym.errors import ModelError
-from cadet_sym.expectation.quadrature import REACH, Integral, NumpyAlgebra, Rule, Wish, lay_out
+from cadet_sym.errors import LinearisationError, ModelError
+from cadet_sym.expectation.quadrature import REACH, ExpectationWarning, Integral, NumpyAlgebra, Rule, Wish, lay_out
 from cadet_sym.language.numeric import evaluate
 
 WARNED = 1e-8
@@ -19,19 +19,15 @@ SMOOTH = tuple(Rule(straight=order) for order in (16, 24, 32, 40, 64, 128))
 POLES = tuple(Rule(panels, order) for panels, order in ((1, 24), (1, 32), (1, 40), (1, 48), (2, 32), (4, 32)))
 TRAPEZOIDAL = tuple(Rule(order=order) for order in (32, 48, 64, 80, 96, 128))
 SINGULAR = (
-    *(Rule(graded=order, power=power, whole=True) for power, order in ((2, 32), (2, 40), (3, 40), (3, 48))),
+    *(Rule(graded=order, power=power, whole=True) for power, order in ((2, 40), (2, 48), (3, 56))),
     Rule(straight=40),
     Rule(straight=80, graded=40),
 )
 SINGULAR_POLES = (Rule(2, 16, 40), Rule(3, 24, 64, 32))
 UNCHECKED = 3  # which rule is taken where no numbers are known to check it with
 SPREADS = (0.03, 0.3, 1.0, 3.0, 10.0, 100.0)
-PLACES = (-6.0, -2.5, -1.0, 0.0, 0.7, 2.0, 5.0)
+PLACES = (-9.0, -7.5, -6.0, -2.5, -1.0, 0.0, 0.7, 2.0, 5.0, 7.0, 8.5)
 UNKNOWN = (1.0, 1.2, 0.8)  # numbers tried for a parameter whose value is not known
-
-
-class ExpectationWarning(UserWarning):
-    """An expectation is less accurate than it should be."""
 
 
 def rules(part: Integral) -> tuple[Rule, ...]:
@@ -63,19 +59,26 @@ def chosen(part: Integral, where: str, wish: Wish) -> Integral:
             best = found if found.error < best.error else best
         if best.error <= wish.error:
             return best
-    if known and best.error > WARNED:
+    if known and WARNED < best.error < np.inf:
         warnings.warn(
             f"{where}: quadrature of `{part.value}` is accurate to {best.error:.0e} only; "
             "write it in steps that are less steep, or check it with cs.check",
             ExpectationWarning,
             stacklevel=2,
         )
+    if known and best.error == np.inf:
+        raise LinearisationError(
+            f"{where}: no finite value was found for the expectation of `{part.value}`: it may be infinite somewhere, or "
+            "grow too fast; clip its argument (max, min, clip, or a stop in a conditional)"
+        )
     return best if known else replace(best, error=min(best.error, WARNED))
 
 
 def _cheapest(part: Integral, numbers: dict[sp.Symbol, float], wanted: float) -> Integral:
     means, spreads = _grid(part, numbers)
-    checked = [part] if any(part.singular) else [part, part.derivative()]
+    checked = [part, part.derivative()]
+    if any(part.singular):  # its gain is taken by parts, which multiplies the error by the distance from the mean
+        checked, wanted = [part], wanted / REACH
     references = [_Reference(p, numbers, means, spreads) for p in checked]
     error = np.inf
     for rule in rules(part):
@@ -88,9 +91,7 @@ def _cheapest(part: Integral, numbers: dict[sp.Symbol, float], wanted: float) ->
 class _Reference:
     """Accurate expectations of a piece over a grid, against which rules are held."""
 
-    def __init__(
-        self, part: Integral, numbers: dict[sp.Symbol, float], means: np.ndarray, spreads: np.ndarray
-    ):
+    def __init__(self, part: Integral, numbers: dict[sp.Symbol, float], means: np.ndarray, spreads: np.ndarray):
         self.part, self.case = part, (numbers, means, spreads)
         self.value, sizes = _estimate(replace(part, rule=_reference(part)), *self.case)
         sizes = np.where(np.isfinite(sizes), sizes, 0.0)

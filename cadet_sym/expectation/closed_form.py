@@ -79,9 +79,7 @@ class PiecewiseForm:
 
     def derivative(self) -> PiecewiseForm:
         """The derivative between the kinks, without the impulses that jumps leave there."""
-        segments = (
-            Segment(s.lower, s.upper, s.centre, _nonzero(t.derivative() for t in s.terms)) for s in self.segments
-        )
+        segments = (Segment(s.lower, s.upper, s.centre, _nonzero(t.derivative() for t in s.terms)) for s in self.segments)
         kinks = (Kink(k.position, _nonzero(t.derivative() for t in k.terms)) for k in self.kinks)
         return PiecewiseForm(tuple(s for s in segments if s.terms), tuple(k for k in kinks if k.terms))
 
@@ -125,7 +123,7 @@ def _separate(term: sp.Expr, z: sp.Symbol) -> tuple[Exponent, sp.Expr] | None:
             exponents.append(factor.args[0])
         elif isinstance(base, sp.exp):
             exponents.append(base.args[0] * power)
-        elif not base.has(z) and power.has(z) and base.is_positive:
+        elif not base.has(z) and power.has(z) and not base.is_nonpositive:
             exponents.append(power * sp.log(base))
         else:
             polynomial.append(factor)

@@ -44,13 +44,20 @@ class Product:
         """Estimated relative error; 0 in closed form."""
         return max((function.error for _, function in self.functions), default=0.0)
 
-
     def kinks(self) -> Iterator[tuple[int, sp.Expr]]:
         """Arguments and positions of kinks."""
         for argument, function in self.functions:
             for position in function.kinks():
                 yield argument, position
 
+    def expressions(self) -> Iterator[sp.Expr]:
+        """Whatever depends on parameters."""
+        for _, function in self.functions:
+            for segment in function.closed.segments:
+                yield from (segment.lower, segment.upper)
+                yield from (c for term in segment.terms for c in term.coefficients)
+            for part in function.integrals:
+                yield from (part.lower, part.upper, part.value)
 
     def poles(self) -> Iterator[tuple[int, sp.Expr, sp.Expr]]:
         """Arguments, centres and widths of poles off the line."""
@@ -69,9 +76,7 @@ class _Term:
     functions: tuple[tuple[int, sp.Expr], ...]
 
 
-def products(
-    arguments: tuple[sp.Symbol, ...], body: sp.Expr, where: str, wish: Wish
-) -> tuple[Product | Nested, ...]:
+def products(arguments: tuple[sp.Symbol, ...], body: sp.Expr, where: str, wish: Wish) -> tuple[Product | Nested, ...]:
     """Write a function as a sum of terms whose expectation is known.
 
     Raises
@@ -97,9 +102,7 @@ def products(
     return tuple(found)
 
 
-def _integrated(
-    arguments: tuple[sp.Symbol, ...], used: tuple[int, ...], body: sp.Expr, where: str, wish: Wish
-) -> Nested:
+def _integrated(arguments: tuple[sp.Symbol, ...], used: tuple[int, ...], body: sp.Expr, where: str, wish: Wish) -> Nested:
     if len(used) > MAX_ARGUMENTS:
         names = ", ".join(str(arguments[i]) for i in used)
         raise LinearisationError(
@@ -113,9 +116,7 @@ def _integrated(
 # -- separation -------------------------------------------------------------------------------------------------------
 
 
-def _separated(
-    arguments: tuple[sp.Symbol, ...], body: sp.Expr, where: str
-) -> tuple[list[_Term], list[sp.Expr]]:
+def _separated(arguments: tuple[sp.Symbol, ...], body: sp.Expr, where: str) -> tuple[list[_Term], list[sp.Expr]]:
     """Terms that are products of functions of one argument, and those that are not."""
     separator = _Separator(arguments, where)
     terms: list[_Term] = []
@@ -236,9 +237,7 @@ def _merged(terms: list[_Term]) -> list[_Term]:
     return result
 
 
-def _product(
-    term: _Term, arguments: tuple[sp.Symbol, ...], where: str, wish: Wish
-) -> Product | sp.Expr:
+def _product(term: _Term, arguments: tuple[sp.Symbol, ...], where: str, wish: Wish) -> Product | sp.Expr:
     """The term with its functions ready; or the term itself if there is no closed form for two functions."""
     whole = sp.Mul(
         term.coefficient,

@@ -74,9 +74,7 @@ def describing_function(
     return describe(arguments, body, where, Wish(values or {}), name)
 
 
-def describe(
-    arguments: tuple[sp.Symbol, ...], body: sp.Expr, where: str, wish: Wish, name: str = ""
-) -> DescribingFunction:
+def describe(arguments: tuple[sp.Symbol, ...], body: sp.Expr, where: str, wish: Wish, name: str = "") -> DescribingFunction:
     """Make the describing function; `where` is what messages call it."""
     count = len(arguments)
     return DescribingFunction(
@@ -84,8 +82,6 @@ def describe(
         arguments=arguments,
         body=body,
         means=tuple(sp.Symbol(f"m{i + 1}", real=True) for i in range(count)),
-        covariances=tuple(
-            sp.Symbol(f"S{i + 1}{j + 1}", real=True) for i in range(count) for j in range(i + 1)
-        ),
+        covariances=tuple(sp.Symbol(f"S{i + 1}{j + 1}", real=True) for i in range(count) for j in range(i + 1)),
         products=products(arguments, body, where, wish),
     )

@@ -11,6 +11,8 @@ from cadet_sym.errors import LinearisationError, ModelError
 from cadet_sym.expectation.pieces import Cell, Splitter, factored
 from cadet_sym.language.numeric import evaluate
 
+SCANNED = 50.0  # how far from zero an expression is looked at for zeros that cannot be written down
+
 
 def require_expectation(value: sp.Expr, cell: Cell, splitter: Splitter) -> None:
     """Raise LinearisationError if a smooth expression on a cell has no expectation for certain."""
@@ -50,6 +52,18 @@ def _check_power(node: sp.Pow, cell: Cell, splitter: Splitter) -> None:
         for zero in zeros(base, splitter.z):
             if _surely_holds(cell, zero):
                 _refuse(splitter, f"`{node}` is infinite at {splitter.z} = {zero}", _clip_remedy(splitter, f"{zero}"))
+        if not base.is_polynomial(splitter.z) and _changes_sign(base, cell, splitter.z):
+            _refuse(splitter, f"`{node}` is infinite where {base} = 0", _clip_remedy(splitter, "such a point"))
+
+
+def _changes_sign(base: sp.Expr, cell: Cell, z: sp.Symbol) -> bool:
+    """Whether an expression without parameters is seen to take both signs on a cell."""
+    if base.free_symbols != {z} or any(not bound.is_number for bound in (*cell.lowers, *cell.uppers)):
+        return False
+    low = max((float(bound) for bound in cell.lowers), default=-SCANNED)
+    high = min((float(bound) for bound in cell.uppers), default=SCANNED)
+    values = evaluate(base, {z: np.linspace(low, high, 4001)[1:-1]})
+    return bool(np.nanmin(values) < 0 < np.nanmax(values))
 
 
 def _check_real(node: sp.Expr, base: sp.Expr, cell: Cell, splitter: Splitter) -> None:
@@ -104,9 +118,7 @@ def _check_growth(value: sp.Expr, cell: Cell, splitter: Splitter) -> None:
     z = splitter.z
     exponents = [node.args[0] for node in value.atoms(sp.exp, sp.sinh, sp.cosh) if node.has(z)]
     exponents += [
-        power * sp.log(base)
-        for base, power in (node.args for node in value.atoms(sp.Pow))
-        if power.has(z) and base.is_positive
+        power * sp.log(base) for base, power in (node.args for node in value.atoms(sp.Pow)) if power.has(z) and base.is_positive
     ]
     sides = [side for side, bounds in ((1, cell.uppers), (-1, cell.lowers)) if not bounds]
     for w in exponents:

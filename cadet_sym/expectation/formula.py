@@ -69,9 +69,7 @@ def _covariances(describing: DescribingFunction) -> Mapping[tuple[int, int], sp.
     return lower | {(j, i): value for (i, j), value in lower.items()}
 
 
-def _moment(
-    powers: Sequence[int], means: Sequence[sp.Symbol], S: Mapping[tuple[int, int], sp.Symbol]
-) -> sp.Expr:
+def _moment(powers: Sequence[int], means: Sequence[sp.Symbol], S: Mapping[tuple[int, int], sp.Symbol]) -> sp.Expr:
     """E[prod z_i^n_i] by Stein's lemma: E[z_a g] = m_a E[g] + sum_i S_ai E[dg/dz_i]."""
     a = next((i for i, n in enumerate(powers) if n), None)
     if a is None:
@@ -86,7 +84,7 @@ def _moment(
 
 
 def _of_univariate(function: Univariate, m: sp.Symbol, p: sp.Symbol) -> sp.Expr | None:
-    if function.tables or function.integrals:
+    if function.tables or function.error_functions or function.integrals:
         return None
     total = sp.S.Zero
     for segment in function.closed.segments:

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import warnings
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from itertools import combinations, pairwise
 from typing import TYPE_CHECKING
 
 import sympy as sp
+from sympy.core.relational import Relational
 
 from cadet_sym.errors import LinearisationError
 from cadet_sym.expectation.closed_form import normal
 from cadet_sym.expectation.existence import require_expectation
-from cadet_sym.expectation.pieces import Cell, Splitter
-from cadet_sym.expectation.quadrature import Integral, Rule, Wish, stretches
+from cadet_sym.expectation.pieces import Cell, Partition, Splitter, affine
+from cadet_sym.expectation.quadrature import PLAIN_ERROR, PLAIN_RULE, ExpectationWarning, Integral, Rule, Wish, stretches
 from cadet_sym.expectation.steep import Steep, steep_places
 from cadet_sym.expectation.tables import written_out
 from cadet_sym.language.vocabulary import Lookup
@@ -23,9 +26,11 @@ if TYPE_CHECKING:
 
 WITH_STEPS = Rule(2, 10, straight=24)
 TRAPEZOIDAL = Rule(order=80)
-WITHOUT_STEPS = Rule(order=56, straight=40)
+WITH_POLES = Rule(order=56, straight=40)
 MAX_CROSSINGS = 4
 INNER_ERROR = 1e-9
+MAX_NODES = 50_000
+FOUND_ERROR = 1e-9  # the largest that these rules were found to leave, relative, up to correlation one
 
 
 @dataclass(frozen=True)
@@ -79,14 +84,21 @@ class Nested:
             if crossing.slope == 0 and crossing.width is None:
                 yield crossing.argument, crossing.start
 
+    def expressions(self) -> Iterator[sp.Expr]:
+        """Whatever depends on parameters."""
+        for piece in self.slices:
+            yield from (piece.part.lower, piece.part.upper)
+
     def poles(self) -> Iterator[tuple[int, sp.Expr, sp.Expr]]:
         """Arguments, centres and widths of poles off the line."""
         for piece in self.slices:
             for place in piece.part.steep[len(self.crossings) :]:
-                yield self.outer, place.centre, place.width
+                gone = dict.fromkeys(piece.inner.arguments, sp.S.Zero)
+                yield self.outer, place.centre.xreplace(gone), place.width.xreplace(gone)
         for crossing in self.crossings:
             if crossing.slope == 0 and crossing.width is not None:
-                yield crossing.argument, crossing.start, crossing.width
+                symbol = self.slices[0].part.argument
+                yield crossing.argument, crossing.start, crossing.width.xreplace({symbol: sp.S.Zero})
 
     @property
     def nodes(self) -> int:
@@ -94,9 +106,7 @@ class Nested:
         return sum(s.part.nodes * max(1, s.inner.nodes) for s in self.slices)
 
 
-def nested(
-    arguments: tuple[sp.Symbol, ...], used: tuple[int, ...], body: sp.Expr, where: str, wish: Wish
-) -> Nested:
+def nested(arguments: tuple[sp.Symbol, ...], used: tuple[int, ...], body: sp.Expr, where: str, wish: Wish) -> Nested:
     """Choose the argument to integrate over: one that leaves a closed form for the others, if there is one."""
     body = written_out(body) if _curves_mix(body, [arguments[i] for i in used]) else body
     best: Nested | None = None
@@ -113,6 +123,20 @@ def nested(
         raise reason or LinearisationError(
             f"{where}: in `{body}` the kinks of every argument depend on the others in a way that cannot be solved; "
             "write it with one linear form of the state in each comparison"
+        )
+    if best.nodes > MAX_NODES and not wish.plain:
+        warnings.warn(
+            f"{where}: `{body}` is integrated over {len(used)} arguments at once, to about {PLAIN_ERROR:.0e} only; "
+            "write it as a sum of products of functions of fewer arguments, or check it with cs.check",
+            ExpectationWarning,
+            stacklevel=2,
+        )
+        return nested(arguments, used, body, where, replace(wish, plain=True))
+    if best.nodes > MAX_NODES:
+        raise LinearisationError(
+            f"{where}: the expectation of `{body}` takes {best.nodes} evaluations at every call, more than {MAX_NODES}: it is "
+            f"an integral over {len(used)} arguments at once. Split it: write it as a sum of products of functions of fewer "
+            "arguments, or give a part of it a state of its own (a fast first-order filter)"
         )
     return best
 
@@ -136,32 +160,72 @@ def _over(
     rest = tuple(arguments[i] for i in others)
 
     def inner(expr: sp.Expr) -> DescribingFunction:
-        return describe(rest, expr, where, Wish({z: 0.37, **wish.sample}, INNER_ERROR))
+        return describe(rest, expr, where, Wish({z: 0.37, **wish.sample}, INNER_ERROR, wish.plain))
 
     splitter = Splitter(z, where)
     own = body.replace(lambda e: isinstance(e, Lookup) and e.has(z), lambda e: e.as_piecewise())
-    cells = splitter.terms(own)
-    if any(bound.has(*rest) for cell, _ in cells for bound in (*cell.lowers, *cell.uppers)):
+    cells = _cells(splitter, own, rest, inner)
+    if cells is None:
         return None
     slices = []
     for cell, value in _joined(cells):
         require_expectation(value, cell, splitter)
-        expectations = inner(value), inner(sp.diff(value, z))
+        expectations = inner(value), inner(_slope(value, z))
         for lower, upper, singular in stretches(cell, value, z):
-            steep = tuple(steep_places(value, z, cell, singular))
-            part = Integral(lower, upper, value, z, steep, singular)
-            slices.append(Slice(part, *expectations))
+            steep = () if wish.plain else tuple(steep_places(value, z, Cell.between(lower, upper), singular))
+            slices.append(Slice(Integral(lower, upper, value, z, steep, singular), *expectations))
     steps = (Step(position, inner(change)) for position, change in _steps(slices, z))
-    crossings = tuple(_crossings(slices, z, others))
-    return Nested(outer, others, tuple(_ruled(s, crossings) for s in slices), tuple(steps), crossings, 1e-10)
+    crossings = tuple(c for c in _crossings(slices, z, others) if c.width is None or not wish.plain)
+    ruled = tuple(_ruled(s, crossings, wish.plain) for s in slices)
+    return Nested(outer, others, ruled, tuple(steps), crossings, PLAIN_ERROR if wish.plain else FOUND_ERROR)
 
 
-def _ruled(piece: Slice, crossings: tuple[Crossing, ...]) -> Slice:
+def _cells(
+    splitter: Splitter, body: sp.Expr, rest: tuple[sp.Symbol, ...], inner: Callable[[sp.Expr], DescribingFunction]
+) -> Partition | None:
+    """The function cut at its kinks in the outer argument; where these depend on the others, cut where theirs meet."""
+    try:
+        cells = splitter.terms(body)
+        if not any(bound.has(*rest) for cell, _ in cells for bound in (*cell.lowers, *cell.uppers)):
+            return cells
+    except LinearisationError:
+        pass
+    z = splitter.z
+    lines = [line for line in (affine(d, z) for d in _differences(inner(body), z)) if line is not None]
+    points = sorted({-offset / slope for slope, offset in lines}, key=lambda p: float(p) if p.is_number else 0.0)
+    if len(points) > 1 and not all(point.is_number for point in points):
+        return None
+    bounds = [sp.S.NegativeInfinity, *points, sp.S.Infinity]
+    return [(Cell.between(low, high), body) for low, high in pairwise(bounds)]
+
+
+def _differences(df: DescribingFunction, z: sp.Symbol) -> set[sp.Expr]:
+    """What changes sign where kinks of the inner arguments meet, or a condition on the outer one turns."""
+    found: set[sp.Expr] = set()
+    for product in df.products:
+        for expr in product.expressions():
+            for node in expr.atoms(sp.Max, sp.Min, Relational):
+                found.update(sp.expand(a - b) for a, b in combinations(node.args, 2))
+        found.update(sp.expand(a - b) for (_, a), (_, b) in combinations(product.kinks(), 2))
+    return {difference for difference in found if difference.has(z)}
+
+
+def _slope(value: sp.Expr, z: sp.Symbol) -> sp.Expr:
+    """The derivative in the outer argument, kinks in the others apart, where it jumps but is not infinite."""
+    derivative = sp.diff(value, z)
+    if not derivative.has(sp.Derivative, sp.DiracDelta, sp.Subs):
+        return derivative
+    raise LinearisationError(f"`{value}` cannot be differentiated in `{z}`")
+
+
+def _ruled(piece: Slice, crossings: tuple[Crossing, ...], plain: bool) -> Slice:
     """The slice with a place kept for every crossing, whose centre and width follow from the moments."""
     places = (Steep(sp.S.Zero, sp.S.One, step=crossing.width is None) for crossing in crossings)
     part = replace(piece.part, steep=(*places, *piece.part.steep))
-    rule = WITHOUT_STEPS
-    if part.is_trapezoidal:
+    rule = WITH_POLES
+    if plain:
+        rule = PLAIN_RULE
+    elif part.is_trapezoidal:
         rule = TRAPEZOIDAL
     elif any(place.step for place in part.steep) or any(part.singular):
         rule = WITH_STEPS
@@ -196,7 +260,8 @@ def _crossings(slices: list[Slice], z: sp.Symbol, others: tuple[int, ...]) -> It
     for piece in slices:
         for product in piece.inner.products:
             for argument, position in product.kinks():
-                found[others[argument], position] = None
+                lines = position.args if isinstance(position, sp.Max | sp.Min) else (position,)
+                found.update({(others[argument], line): None for line in lines})
             for argument, position, width in product.poles():
                 found.setdefault((others[argument], position), width)
     for (argument, position), width in list(found.items())[:MAX_CROSSINGS]:

@@ -29,6 +29,11 @@ class Cell:
     uppers: tuple[sp.Expr, ...] = ()
     conditions: tuple[Boolean, ...] = ()
 
+    @staticmethod
+    def between(lower: sp.Expr, upper: sp.Expr) -> Cell:
+        """The cell between two bounds, either of which may be infinite."""
+        return Cell(() if lower.is_infinite else (lower,), () if upper.is_infinite else (upper,))
+
     def above(self, bound: sp.Expr) -> Cell | None:
         """The part of the cell above the bound; None if it is known to be empty."""
         if any(_known_not_less(bound, upper) for upper in self.uppers):
@@ -103,9 +108,7 @@ def _known_not_greater(a: sp.Expr, b: sp.Expr) -> bool:
     return _known_not_less(b, a)
 
 
-def _tightest(
-    bounds: tuple[sp.Expr, ...], bound: sp.Expr, tighter: Callable[[sp.Expr, sp.Expr], bool]
-) -> tuple[sp.Expr, ...]:
+def _tightest(bounds: tuple[sp.Expr, ...], bound: sp.Expr, tighter: Callable[[sp.Expr, sp.Expr], bool]) -> tuple[sp.Expr, ...]:
     if any(tighter(other, bound) for other in bounds):
         return bounds
     return (*(other for other in bounds if not tighter(bound, other)), bound)
@@ -175,15 +178,11 @@ class Splitter:
         return [(c, expr.func(*(values[index[a]] if a in index else a for a in expr.args))) for c, values in parts]
 
     def _abs(self, expr: sp.Expr, cell: Cell) -> Partition:
-        return [
-            (c, value * sign) for outer, value in self.split(expr.args[0], cell) for c, sign in self.signs(value, outer)
-        ]
+        return [(c, value * sign) for outer, value in self.split(expr.args[0], cell) for c, sign in self.signs(value, outer)]
 
     def _sign(self, expr: sp.Expr, cell: Cell) -> Partition:
         return [
-            (c, sp.Integer(sign))
-            for outer, value in self.split(expr.args[0], cell)
-            for c, sign in self.signs(value, outer)
+            (c, sp.Integer(sign)) for outer, value in self.split(expr.args[0], cell) for c, sign in self.signs(value, outer)
         ]
 
     def _heaviside(self, expr: sp.Expr, cell: Cell) -> Partition:
@@ -446,7 +445,8 @@ def _inverted(expr: sp.Expr, z: sp.Symbol) -> sp.Expr | None:
         return scale
     if highest.is_real and value >= highest:
         return -scale
-    return scale * (core.args[0] - inverse(value))
+    # to so many digits that what is continuous there is seen to be
+    return scale * (core.args[0] - sp.Rational(str(sp.N(inverse(value), 60))))
 
 
 def _real_roots(polynomial: sp.Poly) -> list[sp.Expr]:

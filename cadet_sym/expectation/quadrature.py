@@ -39,6 +39,10 @@ ROOT_TWO_PI = float(np.sqrt(2 * np.pi))
 Number = Any  # float, NumPy array or CasADi SX
 
 
+class ExpectationWarning(UserWarning):
+    """An expectation is less accurate than it should be."""
+
+
 Algebra = Any
 """What laying out nodes needs of NumPy (`NumpyAlgebra`) or CasADi: exp, sqrt, asinh, fabs, fmin, fmax, where, column,
 geometric, and `frozen`, which makes a value a constant, for the integral does not depend on where it is split."""
@@ -75,6 +79,7 @@ class Wish:
 
     sample: Mapping[sp.Symbol, float]
     error: float = 2e-11
+    plain: bool = False  # steep places left alone: the inside of an integral over three arguments
 
 
 @dataclass(frozen=True)
@@ -87,6 +92,11 @@ class Rule:
     graded: int = 24  # nodes of a panel at a singular end
     power: int = 4  # of the substitution there
     whole: bool = False  # whether that panel is the whole stretch
+    hermite: bool = False  # on the whole line, Gauss-Hermite, the least for what is as smooth as the density
+
+
+PLAIN_RULE = Rule(panels=1, order=16, straight=20, graded=20, hermite=True)
+PLAIN_ERROR = 1e-5  # what may be expected where f changes on the scale of its arguments
 
 
 @dataclass(frozen=True)
@@ -156,9 +166,7 @@ def composite(panels: int, order: int) -> tuple[np.ndarray, np.ndarray]:
     return ((starts + nodes) / panels).ravel(), np.tile(weights / panels, panels)
 
 
-def lay_out(
-    part: Integral, low: Number, high: Number, steep: list[tuple[Number, Number]], xp: Algebra
-) -> list[Nodes]:
+def lay_out(part: Integral, low: Number, high: Number, steep: list[tuple[Number, Number]], xp: Algebra) -> list[Nodes]:
     """Nodes on the stretch from low to high, which lies within reach.
 
     Parameters
@@ -207,6 +215,9 @@ class _Layout:
 
     def smooth(self, low: Number, high: Number) -> list[Nodes]:
         """One panel, and a graded one at a singular end."""
+        if self.rule.hermite and self.part.is_whole_line:
+            u, w = np.polynomial.hermite_e.hermegauss(self.rule.straight)
+            return [Nodes(self.xp.column(u), self.xp.column(w / ROOT_TWO_PI))]
         if not self.singular:
             return [self.straight(low, high)]
         return [self.graded(low, 0.0, high - low)] if self.rule.whole else self.from_end(low, high - low)
@@ -373,14 +384,15 @@ def integrals(cell: Cell, value: sp.Expr, z: sp.Symbol, where: str, wish: Wish) 
     from cadet_sym.expectation.accuracy import chosen
 
     for lower, upper, singular in stretches(cell, value, z):
-        steep = tuple(steep_places(value, z, cell, singular))
+        if wish.plain:
+            yield Integral(lower, upper, cell.indicated(value), z, (), singular, PLAIN_RULE, PLAIN_ERROR)
+            continue
+        steep = tuple(steep_places(value, z, Cell.between(lower, upper), singular))
         part = Integral(lower, upper, cell.indicated(value), z, steep, singular)
         yield chosen(part, where, wish)
 
 
-def stretches(
-    cell: Cell, value: sp.Expr, z: sp.Symbol
-) -> list[tuple[sp.Expr, sp.Expr, tuple[bool, bool]]]:
+def stretches(cell: Cell, value: sp.Expr, z: sp.Symbol) -> list[tuple[sp.Expr, sp.Expr, tuple[bool, bool]]]:
     """A cell, or its two halves if the expression is singular at both ends."""
     lower, upper = cell.lower, cell.upper
     singular = singular_at(value, z, lower), singular_at(value, z, upper)

@@ -51,8 +51,12 @@ def singular_at(value: sp.Expr, z: sp.Symbol, end: sp.Expr) -> bool:
 
 def about_end(value: sp.Expr, z: sp.Symbol, end: sp.Expr, side: int, distance: sp.Symbol) -> sp.Expr:
     """The expression in the distance from an end, so that what vanishes there does so without cancellation."""
-    moved = value.subs(z, end - side * distance)
-    return moved.replace(
+    return without_cancellation(value.subs(z, end - side * distance), distance)
+
+
+def without_cancellation(value: sp.Expr, distance: sp.Symbol) -> sp.Expr:
+    """The expression with what stands under powers multiplied out: 1 - (1 - x)^2 becomes 2 x - x^2."""
+    return value.replace(
         lambda e: isinstance(e, sp.Pow | sp.log) and not _is_regular(e) and e.args[0].is_polynomial(distance),
         lambda e: e.func(sp.expand(e.args[0]), *e.args[1:]),
     )
@@ -74,12 +78,20 @@ def steep_places(value: sp.Expr, z: sp.Symbol, cell: Cell, singular: tuple[bool,
             known = found.get(centre)
             found[centre] = width if known is None or _narrower(width, known) else known
     ends = [bound for bound, is_singular in zip((cell.lower, cell.upper), singular, strict=True) if is_singular]
-    places = [(c, w) for c, w in found.items() if not any(sp.expand(c - end) == 0 for end in ends)]
+    places = [(c, w) for c, w in found.items() if not any(sp.expand(c - end) == 0 for end in ends) and not _is_far(c, cell)]
     for centre, width in places[:MAX_STEEP]:
         right_only = not cell.lower.is_infinite and (cell.lower - centre).is_nonnegative
         left_only = not cell.upper.is_infinite and (centre - cell.upper).is_nonnegative
         alone = len(places) == 1
         yield Steep(centre, width, not (alone and right_only), not (alone and left_only))
+
+
+def _is_far(centre: sp.Expr, cell: Cell) -> bool:
+    """Whether a point is farther from a cell between two kinks than the cell is long."""
+    if cell.lower.is_infinite or cell.upper.is_infinite:
+        return False
+    length = cell.upper - cell.lower
+    return bool((centre - cell.upper - length).is_nonnegative or (cell.lower - centre - length).is_nonnegative)
 
 
 def _narrower(a: sp.Expr, b: sp.Expr) -> bool:

@@ -10,6 +10,7 @@ from functools import cache
 import sympy as sp
 
 from cadet_sym.expectation.closed_form import PiecewiseForm, Term, decompose, jump_of, normal, piecewise_form
+from cadet_sym.expectation.errorfunction import ErrorFunction, error_functions_in
 from cadet_sym.expectation.existence import require_expectation
 from cadet_sym.expectation.pieces import Cell, Splitter
 from cadet_sym.expectation.quadrature import Integral, Wish, integrals
@@ -39,11 +40,12 @@ class Jump:
 
 @dataclass(frozen=True)
 class Univariate:
-    """f(z) = closed + tables + integrals; the jumps are those of closed and integrals."""
+    """f(z) = closed + tables + error functions + integrals; the jumps are those of closed and integrals."""
 
     closed: PiecewiseForm
     jumps: tuple[Jump, ...] = ()
     tables: tuple[Table, ...] = ()
+    error_functions: tuple[ErrorFunction, ...] = ()
     integrals: tuple[Integral, ...] = ()
 
     @property
@@ -71,7 +73,7 @@ class Univariate:
     def is_piecewise_polynomial(self) -> bool:
         """Whether f is made of polynomials between kinks, tables apart."""
         terms = [t for part in (*self.closed.segments, *self.closed.kinks) for t in part.terms]
-        return not self.tables and not self.integrals and all(t.is_polynomial for t in terms)
+        return not (self.tables or self.error_functions or self.integrals) and all(t.is_polynomial for t in terms)
 
 
 def univariate(body: sp.Expr, z: sp.Symbol, where: str, wish: Wish) -> Univariate:
@@ -85,8 +87,11 @@ def univariate(body: sp.Expr, z: sp.Symbol, where: str, wish: Wish) -> Univariat
     splitter = Splitter(z, where)
     tables, rest = tables_in(body, z)
     known, parts_left, cells = [], [], []
+    error_functions: list[ErrorFunction] = []
     for cell, value in splitter.terms(rest):
         require_expectation(value, cell, splitter)
+        found, value = error_functions_in(value, cell, z)
+        error_functions.extend(found)
         parts = decompose(value, z)
         if parts is not None and _is_summable(parts, cell):
             known.append((cell.lower, cell.upper, cell.condition, parts))
@@ -94,7 +99,7 @@ def univariate(body: sp.Expr, z: sp.Symbol, where: str, wish: Wish) -> Univariat
             cells.append((cell, value))
             parts_left.extend(integrals(cell, value, z, where, wish))
     closed = piecewise_form(known)
-    return Univariate(closed, tuple(_jumps(closed, cells, z)), tables, tuple(parts_left))
+    return Univariate(closed, tuple(_jumps(closed, cells, z)), tables, tuple(error_functions), tuple(parts_left))
 
 
 def _is_summable(parts: Iterable[tuple[sp.Expr, sp.Expr]], cell: Cell) -> bool:
@@ -103,9 +108,7 @@ def _is_summable(parts: Iterable[tuple[sp.Expr, sp.Expr]], cell: Cell) -> bool:
     return all(b == 0 or b.is_extended_nonpositive or not between for _, b in parts)
 
 
-def _jumps(
-    closed: PiecewiseForm, cells: Iterable[tuple[Cell, sp.Expr]], z: sp.Symbol
-) -> Iterator[Jump]:
+def _jumps(closed: PiecewiseForm, cells: Iterable[tuple[Cell, sp.Expr]], z: sp.Symbol) -> Iterator[Jump]:
     """The changes at all kinks and ends of pieces."""
     terms = {kink.position: kink.terms for kink in closed.kinks}
     pieces: dict[sp.Expr, list[tuple[int, sp.Expr]]] = defaultdict(list)

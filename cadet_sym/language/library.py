@@ -58,9 +58,7 @@ class Kind:
         unknown = [key for key in named if key not in self.coefficients or key in given]
         if unknown or len(values) > len(self.coefficients):
             what = f"`{unknown[0]}` is not one, or twice there" if unknown else f"{len(values)} given"
-            raise ModelError(
-                f"the library's `{self.name}` has the coefficients {self._wanted()}: {what}", key="library"
-            )
+            raise ModelError(f"the library's `{self.name}` has the coefficients {self._wanted()}: {what}", key="library")
         given |= named
         chosen: dict[sp.Basic, sp.Expr] = {}
         for key, default in self.coefficients.items():
@@ -76,9 +74,7 @@ class Kind:
         return Element(name or self.name, arguments, body.xreplace(back), self.text)
 
     def _wanted(self) -> str:
-        return ", ".join(
-            key if default is None else f"{key} (= {default})" for key, default in self.coefficients.items()
-        )
+        return ", ".join(key if default is None else f"{key} (= {default})" for key, default in self.coefficients.items())
 
 
 def _holds(chosen: Mapping[sp.Basic, sp.Expr], name: str) -> bool:

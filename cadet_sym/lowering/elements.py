@@ -30,9 +30,7 @@ def element_function(df: DescribingFunction, free: tuple[sp.Symbol, ...]) -> ca.
     return ca.Function("element", [m, S, q], [F, gain], ["m", "S", "q"], ["F", "gain"])
 
 
-def expectation_and_gain(
-    df: DescribingFunction, m: ca.SX, S: ca.SX, env: dict[sp.Symbol, ca.SX]
-) -> tuple[ca.SX, ca.SX]:
+def expectation_and_gain(df: DescribingFunction, m: ca.SX, S: ca.SX, env: dict[sp.Symbol, ca.SX]) -> tuple[ca.SX, ca.SX]:
     """E[f] and its gradient in the mean as expressions."""
     return Joint(m, S, env).expectation_and_gain(df)
 

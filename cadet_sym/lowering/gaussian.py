@@ -10,10 +10,12 @@ import sympy as sp
 
 from cadet_sym.expectation.closed_form import PLAIN_TERM, Kink, PiecewiseForm, Segment, Term, normal
 from cadet_sym.expectation.quadrature import REACH, Integral, lay_out
-from cadet_sym.expectation.steep import about_end
+from cadet_sym.expectation.steep import about_end, without_cancellation
+from cadet_sym.expectation.tables import Table
 from cadet_sym.expectation.univariate import Univariate
 from cadet_sym.lowering.algebra import CasadiAlgebra
 from cadet_sym.lowering.complex import Complex, complex_exp, select
+from cadet_sym.lowering.errorfunction import error_function_moment
 from cadet_sym.lowering.expressions import Lowering
 from cadet_sym.lowering.special import clipped, density, hermite, magnitude, mills_moments, positive_part
 from cadet_sym.lowering.tables import table_moment
@@ -39,6 +41,7 @@ class Gaussian:
         self.s = ca.sqrt(self.v)
         self.densities: dict[sp.Expr, tuple[ca.SX, ca.SX]] = {}
         self.tilts: dict[tuple[sp.Expr, ...], Tilt] = {}
+        self.columns: dict[Table, tuple[ca.SX, ca.SX, ca.SX, list[ca.SX]]] = {}
         self.panels: dict[Integral, _Panels] = {}
         self.tails: dict[tuple[sp.Expr, ...], tuple[ca.SX, list[Complex]]] = {}
 
@@ -68,6 +71,8 @@ class Gaussian:
                     total += self.value(size) * self.impulse(jump.position, order - 1 - j)
         for table in function.tables:
             total += table_moment(table, self, order)
+        for error_function in function.error_functions:
+            total += error_function_moment(error_function, self, order)
         for part in function.integrals:
             total += self._integral(part, order)
         return total
@@ -217,7 +222,8 @@ class _Panels:
     def _slope(self, i: int) -> ca.SX:
         """The derivative; where the singular end is within reach by parts, for f' may be infinite there."""
         g, nodes = self.gaussian, self.nodes[i]
-        plain = self._sum(i, -self.side * sp.diff(self.value, self.symbol))
+        slope = without_cancellation(-self.side * sp.diff(self.value, self.symbol), self.symbol)
+        plain = self._sum(i, slope)
         if nodes.length is None:
             return plain
         origin = self.value.subs(self.symbol, 0)

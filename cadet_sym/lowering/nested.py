@@ -113,9 +113,7 @@ class _Conditioning:
         end = piece.part.upper if side > 0 else piece.part.lower
         return outer.value(end) - side * outer.s * (nodes.distance + beyond_reach(outer, end, side))
 
-    def _given(
-        self, df: DescribingFunction, slope: DescribingFunction, z: ca.SX, u: ca.SX
-    ) -> tuple[ca.SX, ca.SX, ca.SX]:
+    def _given(self, df: DescribingFunction, slope: DescribingFunction, z: ca.SX, u: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Expectation of f, its gains, and the expectation of the slope, at every point of a column."""
         symbols = (df.body.free_symbols | slope.body.free_symbols) - set(df.arguments) - {self.symbol}
         free = tuple(sorted(symbols, key=str))
@@ -128,9 +126,7 @@ class _Conditioning:
         return F, gains, slopes
 
 
-def _inner_function(
-    df: DescribingFunction, slope: DescribingFunction, free: tuple[sp.Symbol, ...]
-) -> ca.Function:
+def _inner_function(df: DescribingFunction, slope: DescribingFunction, free: tuple[sp.Symbol, ...]) -> ca.Function:
     """(m, S, q) -> F, gain, E[slope]: two functions under one distribution share what they need of it."""
     from cadet_sym.lowering.joint import Joint
 

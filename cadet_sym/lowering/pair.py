@@ -73,9 +73,7 @@ class Pair:
                             total += self.x.value(c) * self.y.value(d) * corner.moment(i, j)
         return total
 
-    def _polynomials(
-        self, c: sp.Expr, first: tuple[Term, ...], d: sp.Expr, second: tuple[Term, ...]
-    ) -> ca.SX:
+    def _polynomials(self, c: sp.Expr, first: tuple[Term, ...], d: sp.Expr, second: tuple[Term, ...]) -> ca.SX:
         """E of a polynomial in x - c times one in y - d."""
         p, q = _coefficients(first), _coefficients(second)
         hx, hy = self.x.m - self.x.value(c), self.y.m - self.y.value(d)

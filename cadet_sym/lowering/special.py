@@ -44,6 +44,7 @@ MILLS = (
 WEIDEMAN_ORDER = 40
 FAR = 39.0  # phi(39) is smaller than any number
 FRACTION_FROM = 3.0  # beyond, the recurrence upwards loses digits and the continued fraction converges
+FRACTION_FROM_IMAGINARY = 8.0
 FRACTION_TERMS = 40
 
 
@@ -144,7 +145,9 @@ def mills_moments(x: Complex, count: int, *, far: bool = False) -> list[Complex]
         moments.append(moments[n - 2] * (n - 1) - x * moments[n - 1])
     if not far or count == 1:
         return moments
-    is_far = x.size_squared() > FRACTION_FROM**2
+    is_far = x.real > FRACTION_FROM
+    if x.imaginary is not None:  # near the imaginary axis the fraction converges farther out only
+        is_far = ca.logic_or(is_far, x.size_squared() > FRACTION_FROM_IMAGINARY**2)
     quotients = _fractions(x, count)
     product = ratio
     for n in range(1, count):

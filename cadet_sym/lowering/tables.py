@@ -17,13 +17,18 @@ if TYPE_CHECKING:
 
 def table_moment(table: Table, gaussian: Gaussian, order: int) -> ca.SX:
     """d^order/dm^order of E[factor * curve(slope z + offset)]."""
-    slope = gaussian.value(table.slope)
-    mean = slope * gaussian.m + gaussian.value(table.offset)
-    p, s = slope * slope * gaussian.p, ca.fabs(slope) * gaussian.s
+    mean, p, _ = moments_of(table, gaussian)
     total = _segments(table, mean, p, order)
     if table.knots:
-        total += _tails(table, mean, s, order)
-    return gaussian.value(table.factor) * slope**order * total
+        total += _tails(table, gaussian, order)
+    return gaussian.value(table.factor) * gaussian.value(table.slope) ** order * total
+
+
+def moments_of(table: Table, gaussian: Gaussian) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Mean, variance and standard deviation of what the curve is read at."""
+    slope = gaussian.value(table.slope)
+    mean = slope * gaussian.m + gaussian.value(table.offset)
+    return mean, slope * slope * gaussian.p, ca.fabs(slope) * gaussian.s
 
 
 def _derivatives(rows: tuple[tuple[float, ...], ...], order: int) -> np.ndarray:
@@ -39,9 +44,10 @@ def _segments(table: Table, mean: ca.SX, p: ca.SX, order: int) -> ca.SX:
     coefficients = _derivatives(table.segments, order)
     if coefficients.shape[1] == 0:
         return ca.SX(0)
-    knots = ca.DM(table.knots)
-    above = ca.vertcat(1, mean >= knots)
-    here = above * ca.vertcat(1 - above[1:], 1)
+    here = ca.SX(1)
+    if table.knots:
+        above = mean >= ca.DM(table.knots)
+        here = ca.vertcat(1, above) * ca.vertcat(1 - above, 1)
     h = mean - ca.DM(table.centres)
     # where the mean is not, the distance is taken as zero: a number far too large must not come in times zero
     h = ca.if_else(here > 0, h, 0)
@@ -52,18 +58,18 @@ def _segments(table: Table, mean: ca.SX, p: ca.SX, order: int) -> ca.SX:
     return ca.dot(here, value)
 
 
-def _tails(table: Table, mean: ca.SX, s: ca.SX, order: int) -> ca.SX:
+def _tails(table: Table, gaussian: Gaussian, order: int) -> ca.SX:
     """The changes at the knots, each beyond its knot as seen from the mean; impulses where a derivative jumps."""
-    u = clipped((mean - ca.DM(table.knots)) / s)
-    phi = density(u)
+    mean, _, s = moments_of(table, gaussian)
+    if table not in gaussian.columns:
+        u = clipped((mean - ca.DM(table.knots)) / s)
+        ratios = mills_moments(Complex(magnitude(u)), table.degree + 1)
+        gaussian.columns[table] = u, density(u), ca.if_else(u >= 0, -1, 1), [r.real for r in ratios]
+    u, phi, side, ratios = gaussian.columns[table]
     total = ca.SX.zeros(len(table.knots))
-    coefficients = _derivatives(table.changes, order)
-    if coefficients.shape[1]:
-        ratios = mills_moments(Complex(magnitude(u)), coefficients.shape[1])
-        side = ca.if_else(u >= 0, -1, 1)
-        for n, column in enumerate(coefficients.T):
-            if np.any(column):
-                total += ca.DM(column) * s**n * ratios[n].real * (1 if n % 2 else side)
+    for n, column in enumerate(_derivatives(table.changes, order).T):
+        if np.any(column):
+            total += ca.DM(column) * (s**n * ratios[n] if n % 2 else s**n * ratios[n] * side)
     for j in range(order):  # the j-th derivative jumps by j! c_j
         jumps = _derivatives(table.changes, j)
         i = order - 1 - j
