@@ -6,7 +6,6 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from importlib.metadata import version
 from pathlib import Path
 from typing import Literal, overload
 
@@ -40,9 +39,6 @@ from cadet_sym.solve.wheels import present_error, suitable_grid
 __all__ = ["CompiledModel", "compile"]
 
 Array = npt.NDArray[np.float64]
-
-VERSION = version("cadet-sym")
-
 
 COARSE = 1e-2
 """Estimated error of the grid between the wheels (conservative, by 1 to 100) above which there is a warning."""
@@ -399,13 +395,15 @@ class CompiledModel:
         )
 
     def _provenance(self, engine: str, rtol: float, statistics: Mapping[str, float], p: Array) -> Provenance:
+        from importlib.metadata import version  # late: it takes longer to import than much of this package
+
         return Provenance(
             engine=engine,
             rtol=rtol,
             statistics=statistics,
             parameters=dict(zip(self.parameters, p.tolist(), strict=True)),
             model_hash=self.model.hash,
-            version=VERSION,
+            version=version("cadet-sym"),
         )
 
     def _wheel_error(self, trajectory: Trajectory, p: Array) -> dict[str, float]:

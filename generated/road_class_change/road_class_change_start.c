@@ -72,10 +72,10 @@ void road_class_change_switches(R t, R s, const R *restrict p, R *restrict g)
 {
     (void)t;
     g[0] = s;
-    const R a1 = p[10] + p[9];
-    const R a2 = a1 - s;
-    g[1] = a2;
-    const R a4 = s - p[9];
+    const R a1 = s - p[9];
+    g[1] = a1;
+    const R a3 = p[10] + p[9];
+    const R a4 = a3 - s;
     g[2] = a4;
     const R a6 = p[8] - s;
     g[3] = a6;
