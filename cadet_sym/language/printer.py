@@ -121,11 +121,14 @@ def _mul(expr: Any) -> tuple[str, int]:
     number, binding = number_text(size)
     numerator, denominator = (number, "") if binding == _ATOM else (str(size.p), str(size.q))
     only_sums = bool(above) and all(isinstance(f, sp.Add) for f in above)
-    if numerator != "1" or not texts:
+    last = only_sums and bool(below)  # a number times one sum is multiplied out, times a quotient it is not
+    if (numerator != "1" and not last) or not texts:
         texts.insert(len(texts) if only_sums else 0, numerator)
     text = "*".join(texts)
     for factor in below:
         text += f"/{_at_least(sp.Pow(factor.base, -factor.exp), _POWER)}"
+    if last and numerator != "1":
+        text += f"*{numerator}"
     if denominator:
         text += f"/{denominator}"
     if minus and only_sums:
