@@ -17,13 +17,14 @@ from cadet_sym.errors import SolverError
 from cadet_sym.solve.frozen import Evaluation, FrozenProblem, evaluate
 from cadet_sym.solve.linearised import LinearisedMoments
 
-__all__ = ["Attempt", "follow", "newton", "relative_size"]
+__all__ = ["Attempt", "follow", "newton", "polish", "relative_size"]
 
 Array = np.ndarray
 
 RESIDUAL = 1e-10  # of the equations over the size of their own terms
 RUNAWAY = 1e30  # variances larger than this, in the coordinates of a frame, do not come back
-CHORD = 0.05  # relative size of a Newton step after which its derivatives serve for further ones
+ROUNDING = 1e-14  # a residual that further steps cannot lower
+CHORD = 0.2  # relative size of a Newton step after which its derivatives serve for further ones
 STEP = 1e-6  # of the last Newton step over the standard deviations: its square is the error left
 
 
@@ -45,8 +46,23 @@ class Attempt:
 
 
 @np.errstate(all="ignore")  # what overflows is seen in the evaluation, and refused
-def newton(problem: FrozenProblem, start: tuple[Array, Array], limit: int = 30, name: str = "Newton") -> Attempt:
-    """Damped exact Newton iteration on the mean (n,) and the covariance (n, n)."""
+def newton(
+    problem: FrozenProblem,
+    start: tuple[Array, Array],
+    limit: int = 30,
+    name: str = "Newton",
+    close: float = 0.0,
+) -> Attempt:
+    """Damped exact Newton iteration on the mean (n,) and the covariance (n, n).
+
+    Parameters
+    ----------
+    problem : the equations.
+    start : mean and covariance to begin with.
+    limit : largest number of steps.
+    name : of the attempt.
+    close : relative size of a step at which to stop already, for one who goes on with `polish`.
+    """
     at = best = evaluate(problem, *start)
     for iteration in range(1, limit + 1):
         if not at.finite:
@@ -55,22 +71,22 @@ def newton(problem: FrozenProblem, start: tuple[Array, Array], limit: int = 30, 
             lin = LinearisedMoments(at)
             found, size = _damped_step(lin)
             if found is not None and size < CHORD:
-                found, size = _chord_steps(lin, found, size)
+                found, size = _chord_steps(lin, found, size, close)
         except SolverError as error:
             return Attempt(name, False, iteration, best, at, reason=str(error))
         if found is None:
             return Attempt(name, False, iteration, best, at, reason="no step reduces the residual")
         at = found
         best = min(best, at, key=_residual)
-        if at.residual < RESIDUAL and size < STEP:
+        if size < close or (at.residual < RESIDUAL and size < STEP):
             return Attempt(name, True, iteration, at, at, size)
     return Attempt(name, False, limit, best, at, reason="no convergence")
 
 
-def _chord_steps(lin: LinearisedMoments, at: Evaluation, size: float) -> tuple[Evaluation, float]:
+def _chord_steps(lin: LinearisedMoments, at: Evaluation, size: float, close: float) -> tuple[Evaluation, float]:
     """Go on with the old derivatives while each step gains a digit: they cost a fraction of new ones."""
     for _ in range(3):
-        if at.residual < RESIDUAL and size < STEP:
+        if size < close or (at.residual < RESIDUAL and size < STEP):
             break
         step = lin.solve(at.r, at.R)
         if not _finite(step):
@@ -80,6 +96,24 @@ def _chord_steps(lin: LinearisedMoments, at: Evaluation, size: float) -> tuple[E
         if not trial.residual < 0.1 * at.residual or not length < 0.1 * size:
             break
         at, size = trial, length
+    return at, size
+
+
+def polish(lin: LinearisedMoments) -> tuple[Evaluation, float]:
+    """One exact Newton step, and further ones with the same derivatives as far as they help; size of the last."""
+    at, size = lin.at, np.inf
+    for _ in range(5):
+        step = lin.solve(at.r, at.R)
+        length = relative_size(at, step)
+        if not length < 0.5 * size:
+            break
+        trial = evaluate(at.problem, at.mean + step[0], at.covariance + step[1])
+        size = length
+        if not trial.residual < at.residual:
+            break
+        at = trial
+        if at.residual < ROUNDING and size < STEP:
+            break
     return at, size
 
 

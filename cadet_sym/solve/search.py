@@ -87,6 +87,9 @@ class _Found:
         point, _ = accept(self.view, attempt)
         if point is None:
             return -1
+        for place, known in enumerate(self.points):  # a start that stopped close to one
+            if _same(point.evaluation, known.evaluation):
+                return place
         self.points.append(point)
         return len(self.points) - 1
 

@@ -23,7 +23,7 @@ from cadet_sym.solve.linearised import LinearisedMoments
 from cadet_sym.solve.lyapunov import ModalForm, nearby_modal_form
 from cadet_sym.solve.nyquist import Response, count_unstable, rightmost
 
-__all__ = ["Stability", "moment_jacobian", "stability"]
+__all__ = ["Stability", "from_the_right", "moment_jacobian", "stability"]
 
 Array = np.ndarray
 
@@ -53,12 +53,12 @@ class Stability:
 def stability(lin: LinearisedMoments) -> Stability:
     """Judge the stationary point at which the moment equations were linearised."""
     at = lin.at
-    eigenvalues = _from_the_right(lin.form.eigenvalues)
+    eigenvalues = from_the_right(lin.form.eigenvalues)
     slow = eigenvalues[0].real
     fastest = np.abs(eigenvalues).max(initial=0.0)
     moments = np.zeros(0)
     if at.problem.n <= DENSE and not at.problem.tracks:
-        moments = _from_the_right(np.linalg.eigvals(moment_jacobian(at)))
+        moments = from_the_right(np.linalg.eigvals(moment_jacobian(at)))
         if abs(moments[0].real) > DOUBT * fastest:
             return Stability(bool(moments[0].real < 0), eigenvalues, "all eigenvalues", moments)
     if slow >= -MARGIN * fastest or not len(at.problem.C):
@@ -68,7 +68,8 @@ def stability(lin: LinearisedMoments) -> Stability:
     return Stability(count_unstable(response) == 0, eigenvalues, "Nyquist", moments, response)
 
 
-def _from_the_right(values: Array) -> Array:
+def from_the_right(values: Array) -> Array:
+    """Eigenvalues in descending order of their real parts."""
     return values[np.argsort(-np.real(values), kind="stable")].astype(complex)
 
 

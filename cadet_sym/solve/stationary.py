@@ -15,17 +15,21 @@ import numpy as np
 
 from cadet_sym.errors import SolverError
 from cadet_sym.solve.drift import Frame, frame
-from cadet_sym.solve.frozen import Evaluation, FrozenProblem, evaluate
+from cadet_sym.solve.frozen import Evaluation, FrozenProblem
 from cadet_sym.solve.linearised import LinearisedMoments
-from cadet_sym.solve.rungs import RESIDUAL, STEP, Attempt, follow, newton, relative_size
-from cadet_sym.solve.stability import Stability, stability
+from cadet_sym.solve.lyapunov import ModalForm
+from cadet_sym.solve.rungs import RESIDUAL, STEP, Attempt, follow, newton, polish, relative_size
+from cadet_sym.solve.stability import Stability, from_the_right, stability
 
 __all__ = ["StationaryPoint", "accept", "stationary_point"]
 
 Array = np.ndarray
 
+CLOSE = 1e-3  # relative size of a Newton step after which the solution is near enough to be judged
+EXACT = 40  # states up to which stability is judged at the very solution, and not a CLOSE step squared away
 ROUNDING = 1e-6  # of the standard deviations: moments that rounding of the equations moves by more are refused
 MARGINAL = 1e-11  # of the fastest rate: nearer to the imaginary axis is undamped
+HARMLESS = 1e6  # condition up to which rounding needs no closer look
 NEGATIVE = 1e-10  # of the largest: a smaller negative eigenvalue of the correlations is rounding
 
 
@@ -91,11 +95,11 @@ def ladder(view: Frame, start: tuple[Array, Array] | None) -> Iterator[Attempt]:
     if start is not None:
         mean, covariance = view.lower(*start)
         if np.any(covariance):
-            yield newton(p, (mean, covariance), name="Newton from the given start")
+            yield newton(p, (mean, covariance), name="Newton from the given start", close=CLOSE)
         rest = mean
-    yield newton(p, (rest, spread), name="Newton from a short run")
+    yield newton(p, (rest, spread), name="Newton from a short run", close=CLOSE)
     yield follow(p, (rest, 1e-8 * spread), name="pseudo-transient from rest")
-    yield newton(p, (rest, 1e-8 * spread), name="Newton from rest")
+    yield newton(p, (rest, 1e-8 * spread), name="Newton from rest", close=CLOSE)
     yield follow(p, (rest, spread), name="pseudo-transient from a short run")
     yield follow(p, (rest, 1e-8 * spread), limit=600, tolerance=0.05, name="march from rest")
     yield from scattered(view, 8)
@@ -109,33 +113,31 @@ def scattered(view: Frame, count: int) -> Iterator[Attempt]:
     for k in range(count):
         mean = 3.0 * sigma * rng.standard_normal(p.n) * rng.random()
         begin = mean, 10.0 ** rng.uniform(-4, 1) * spread
-        yield newton(p, begin, name=f"Newton from random start {k + 1}")
+        yield newton(p, begin, name=f"Newton from random start {k + 1}", close=CLOSE)
         yield follow(p, begin, limit=60, name=f"pseudo-transient from random start {k + 1}")
 
 
 @np.errstate(all="ignore")
 def accept(view: Frame, attempt: Attempt, before: Sequence[Attempt] = ()) -> tuple[StationaryPoint | None, str]:
     """The solution at which an attempt converged, or None and why it is not one."""
-    at = attempt.best
     if not attempt.converged:
         return None, attempt.reason
-    if not at.finite or not at.residual < RESIDUAL:
-        return None, "the residual is not small"
-    if not _positive(at.covariance):
-        return None, "its covariance is not positive semidefinite"
-    lin = LinearisedMoments(at)
+    lin = LinearisedMoments(attempt.best)
     try:
-        change = lin.step()
-        step, error = relative_size(at, change), _rounding(lin)
+        at, step = polish(lin)
+        if not at.finite or not at.residual < RESIDUAL:
+            return None, "the residual does not become small"
         if not step < STEP:
             return None, "the moments run away"
+        if not _positive(at.covariance):
+            return None, "its covariance is not positive semidefinite"
+        lin = lin if lin.at.problem.n > EXACT else LinearisedMoments(at)
+        error = _rounding(lin)
         if not error < ROUNDING:
             return None, f"rounding alone moves the moments by {error:.0e}"
-        judgement = stability(lin)
+        judgement = replace(stability(lin), eigenvalues=_eigenvalues(lin, at))
     except SolverError as problem:
         return None, str(problem)
-    better = evaluate(at.problem, at.mean + change[0], at.covariance + change[1])
-    at = better if better.residual < at.residual else at
     mean, covariance = view.lift(at.mean, at.covariance)
     point = StationaryPoint(
         mean=mean,
@@ -152,23 +154,45 @@ def accept(view: Frame, attempt: Attempt, before: Sequence[Attempt] = ()) -> tup
     return point, ""
 
 
+def _eigenvalues(lin: LinearisedMoments, at: Evaluation) -> Array:
+    """Eigenvalues of N at a point next to the one of the decomposition, to first order, from the right."""
+    form = lin.form
+    if lin.at is at or not isinstance(form, ModalForm):
+        return from_the_right(form.eigenvalues if lin.at is at else np.linalg.eigvals(at.N))
+    p = at.problem
+    change = form.enter_vector(p.columns * (at.gain - lin.at.gain)) * form.enter_form(p.C).T
+    return from_the_right(form.eigenvalues + change.sum(axis=1))
+
+
 def _rounding(lin: LinearisedMoments) -> float:
     """How far rounding errors in the terms of the equations move the solution, over the standard deviations."""
+    eps = np.finfo(float).eps
+    rates = lin.form.eigenvalues
+    condition = np.abs(rates).max() / np.abs(np.real(rates)).min()
+    if len(lin.at.problem.C):
+        condition += np.linalg.cond(lin.small(0.0).matrix)
+    if condition < HARMLESS:
+        return float(eps * condition)
     first, second = lin.at.terms
     signs = np.sign(np.random.default_rng(0).standard_normal(second.shape))
-    eps = np.finfo(float).eps
-    return relative_size(
-        lin.at, lin.solve(eps * signs[0] * first, eps * np.triu(signs) * second + eps * np.triu(signs, 1).T * second)
-    )
+    noise = np.triu(signs) + np.triu(signs, 1).T
+    return relative_size(lin.at, lin.solve(eps * signs[0] * first, eps * noise * second))
 
 
 def _positive(P: Array) -> bool:
     """Whether a covariance is positive semidefinite but for rounding, whatever the units of its states."""
-    lowest = np.linalg.eigvalsh(P)[0]
+    if not np.isfinite(P).all():
+        return False
     sigma = np.sqrt(np.maximum(np.diag(P), 0.0))
     sigma = np.where(sigma > 1e-9 * sigma.max(initial=0.0), sigma, np.inf)
-    correlation = np.linalg.eigvalsh(P / np.outer(sigma, sigma))[0]
-    return bool(lowest >= -NEGATIVE * np.trace(P) and correlation >= -NEGATIVE * len(P))
+    correlation = P / np.outer(sigma, sigma)
+    floor = NEGATIVE * np.eye(len(P))
+    try:
+        np.linalg.cholesky(P + (np.trace(P) + np.finfo(float).tiny) * floor)
+        np.linalg.cholesky(correlation + len(P) * floor)
+    except np.linalg.LinAlgError:
+        return False
+    return True
 
 
 def _failure(view: Frame, attempts: list[Attempt]) -> SolverError:
