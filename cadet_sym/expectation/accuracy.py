@@ -10,6 +10,7 @@ import numpy as np
 import sympy as sp
 
 from cadet_sym.errors import LinearisationError, ModelError
+from cadet_sym.expectation.pieces import affine
 from cadet_sym.expectation.quadrature import REACH, ExpectationWarning, Integral, NumpyAlgebra, Rule, Wish, lay_out
 from cadet_sym.language.numeric import evaluate
 
@@ -138,18 +139,28 @@ def _grid(part: Integral, numbers: dict[sp.Symbol, float]) -> tuple[np.ndarray, 
     points = [b for b, bound in ((low, part.lower), (high, part.upper)) if not bound.is_infinite]
     points += [evaluate(place.centre, numbers) for place in part.steep]
     widths = [evaluate(place.width, numbers) for place in part.steep]
-    scales = {abs(a - b) for a in points for b in points} | set(widths)
+    waves = _wave_lengths(part, numbers)
+    scales = {abs(a - b) for a in points for b in points} | set(widths) | set(waves)
     scales = sorted({s for s in scales if np.isfinite(s) and s > 1e-9}) or [1.0]
     points = sorted({p for p in points if np.isfinite(p)}) or [0.0]
     cells = [
         (p + place * spread * scale, spread * scale)
         for scale in (scales[0], scales[-1])
-        for spread in SPREADS
+        for spread in (SPREADS[:-1] if waves else SPREADS)  # of waves, ten times their length is as far as nodes go
         for p in points[:3]
         for place in PLACES
     ]
     means, spreads = np.array(cells).T
     return means, spreads
+
+
+def _wave_lengths(part: Integral, numbers: dict[sp.Symbol, float]) -> list[float]:
+    """Lengths, over 2 pi, of the waves in the expression that go on for ever."""
+    if not (part.lower.is_infinite or part.upper.is_infinite):
+        return []
+    inner = [wave.args[0] for wave in part.value.atoms(sp.sin, sp.cos) if wave.has(part.argument)]
+    lines = [affine(expr, part.argument) for expr in inner]
+    return [1 / max(abs(evaluate(line[0], numbers)), 1e-9) for line in lines if line is not None]
 
 
 def _estimate(

@@ -21,8 +21,8 @@ from cadet_sym.lowering.special import clipped, density, hermite, magnitude, mil
 from cadet_sym.lowering.tables import table_moment
 
 # Added to the variance inside: far below what the variance of any state is resolved to, so that F and the gain are those
-# of the variance itself, and so large that s^-5 is finite: derivatives at a jump go as powers of 1/s.
-FLOOR = 1e-120
+# of the variance itself, and so large that s^-6 is finite: derivatives at a jump go as powers of 1/s.
+FLOOR = 1e-100
 
 
 @dataclass

@@ -79,7 +79,7 @@ void measured_road_held_rate(R t, R s, R V, const R *restrict y, const R *restri
     const R a72 = a25 != K(0.0) ? a71 : K(0.0);
     const R a73 = a20 + a72;
     const R a74 = a11 != K(0.0) ? a10 : K(0.0);
-    const R a75 = a74 + TINY(1e-120);
+    const R a75 = a74 + TINY(1e-100);
     const R a76 = M(sqrt)(a75);
     const R a77 = a5 / a76;
     const R a78 = (R)(K(39.0) < a77);
@@ -854,7 +854,7 @@ static void part_of_held_jacobian_0(R t, R s, R V, const R *restrict y, const R 
     const R a52 = a22 != K(0.0) ? a51 : K(0.0);
     const R a53 = a17 + a52;
     const R a54 = a7 != K(0.0) ? a6 : K(0.0);
-    const R a55 = a54 + TINY(1e-120);
+    const R a55 = a54 + TINY(1e-100);
     w[6] = a55;
     const R a56 = M(sqrt)(a55);
     w[7] = a56;
@@ -3606,7 +3606,7 @@ static void part_of_held_outputs_0(R t, R s, R V, const R *restrict y, const R *
     const R a70 = a23 != K(0.0) ? a69 : K(0.0);
     const R a71 = a18 + a70;
     const R a72 = a9 != K(0.0) ? a8 : K(0.0);
-    const R a73 = a72 + TINY(1e-120);
+    const R a73 = a72 + TINY(1e-100);
     const R a74 = M(sqrt)(a73);
     const R a75 = a3 / a74;
     const R a76 = (R)(K(39.0) < a75);
@@ -3937,7 +3937,7 @@ static void part_of_held_outputs_0(R t, R s, R V, const R *restrict y, const R *
     const R a401 = a354 != K(0.0) ? a400 : K(0.0);
     const R a402 = a349 + a401;
     const R a403 = a340 != K(0.0) ? a339 : K(0.0);
-    const R a404 = a403 + TINY(1e-120);
+    const R a404 = a403 + TINY(1e-100);
     const R a405 = M(sqrt)(a404);
     const R a406 = a334 / a405;
     const R a407 = (R)(K(39.0) < a406);
@@ -4376,7 +4376,7 @@ static void part_of_held_outputs_0(R t, R s, R V, const R *restrict y, const R *
     const R a839 = a692 != K(0.0) ? a838 : K(0.0);
     const R a840 = a687 + a839;
     const R a841 = a663 != K(0.0) ? a662 : K(0.0);
-    const R a842 = a841 + TINY(1e-120);
+    const R a842 = a841 + TINY(1e-100);
     const R a843 = M(sqrt)(a842);
     const R a844 = a656 / a843;
     const R a845 = (R)(K(39.0) < a844);
@@ -5088,7 +5088,7 @@ static void part_of_held_outputs_1(R t, R s, R V, const R *restrict y, const R *
     const R a1516 = w[10] != K(0.0) ? a1515 : K(0.0);
     const R a1517 = w[7] + a1516;
     const R a1518 = w[6] != K(0.0) ? w[5] : K(0.0);
-    const R a1519 = a1518 + TINY(1e-120);
+    const R a1519 = a1518 + TINY(1e-100);
     const R a1520 = M(sqrt)(a1519);
     const R a1521 = w[3] / a1520;
     const R a1522 = (R)(K(39.0) < a1521);

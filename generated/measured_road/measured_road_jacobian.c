@@ -65,7 +65,7 @@ static void part_of_jacobian_0(R t, const R *restrict y, const R *restrict p, R 
     const R a52 = a22 != K(0.0) ? a51 : K(0.0);
     const R a53 = a17 + a52;
     const R a54 = a7 != K(0.0) ? a6 : K(0.0);
-    const R a55 = a54 + TINY(1e-120);
+    const R a55 = a54 + TINY(1e-100);
     w[6] = a55;
     const R a56 = M(sqrt)(a55);
     w[7] = a56;

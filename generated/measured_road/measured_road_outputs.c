@@ -77,7 +77,7 @@ static void part_of_outputs_0(R t, const R *restrict y, const R *restrict p, R *
     const R a70 = a23 != K(0.0) ? a69 : K(0.0);
     const R a71 = a18 + a70;
     const R a72 = a9 != K(0.0) ? a8 : K(0.0);
-    const R a73 = a72 + TINY(1e-120);
+    const R a73 = a72 + TINY(1e-100);
     const R a74 = M(sqrt)(a73);
     const R a75 = a3 / a74;
     const R a76 = (R)(K(39.0) < a75);
@@ -408,7 +408,7 @@ static void part_of_outputs_0(R t, const R *restrict y, const R *restrict p, R *
     const R a401 = a354 != K(0.0) ? a400 : K(0.0);
     const R a402 = a349 + a401;
     const R a403 = a340 != K(0.0) ? a339 : K(0.0);
-    const R a404 = a403 + TINY(1e-120);
+    const R a404 = a403 + TINY(1e-100);
     const R a405 = M(sqrt)(a404);
     const R a406 = a334 / a405;
     const R a407 = (R)(K(39.0) < a406);
@@ -847,7 +847,7 @@ static void part_of_outputs_0(R t, const R *restrict y, const R *restrict p, R *
     const R a839 = a692 != K(0.0) ? a838 : K(0.0);
     const R a840 = a687 + a839;
     const R a841 = a663 != K(0.0) ? a662 : K(0.0);
-    const R a842 = a841 + TINY(1e-120);
+    const R a842 = a841 + TINY(1e-100);
     const R a843 = M(sqrt)(a842);
     const R a844 = a656 / a843;
     const R a845 = (R)(K(39.0) < a844);
@@ -1557,7 +1557,7 @@ static void part_of_outputs_1(R t, const R *restrict y, const R *restrict p, R *
     const R a1516 = w[10] != K(0.0) ? a1515 : K(0.0);
     const R a1517 = w[7] + a1516;
     const R a1518 = w[6] != K(0.0) ? w[5] : K(0.0);
-    const R a1519 = a1518 + TINY(1e-120);
+    const R a1519 = a1518 + TINY(1e-100);
     const R a1520 = M(sqrt)(a1519);
     const R a1521 = w[3] / a1520;
     const R a1522 = (R)(K(39.0) < a1521);

@@ -78,7 +78,7 @@ void measured_road_rate(R t, const R *restrict y, const R *restrict p, R *restri
     const R a72 = a25 != K(0.0) ? a71 : K(0.0);
     const R a73 = a20 + a72;
     const R a74 = a11 != K(0.0) ? a10 : K(0.0);
-    const R a75 = a74 + TINY(1e-120);
+    const R a75 = a74 + TINY(1e-100);
     const R a76 = M(sqrt)(a75);
     const R a77 = a5 / a76;
     const R a78 = (R)(K(39.0) < a77);

@@ -28,7 +28,7 @@ void oleo_acceleration_held_rate(R t, R s, R V, const R *restrict y, const R *re
     const R a21 = a12 + a20;
     const R a22 = K(1.0) + p[3];
     const R a23 = a9 != K(0.0) ? y[8] : K(0.0);
-    const R a24 = a23 + TINY(1e-120);
+    const R a24 = a23 + TINY(1e-100);
     const R a25 = M(sqrt)(a24);
     const R a26 = y[1] / a25;
     const R a27 = (R)(K(39.0) < a26);
@@ -271,7 +271,7 @@ void oleo_acceleration_held_jacobian(R t, R s, R V, const R *restrict y, const R
     const R a15 = a8 + a14;
     const R a16 = (R)(K(0.0) <= y[8]);
     const R a17 = a16 != K(0.0) ? y[8] : K(0.0);
-    const R a18 = a17 + TINY(1e-120);
+    const R a18 = a17 + TINY(1e-100);
     const R a19 = M(sqrt)(a18);
     const R a20 = y[1] / a19;
     const R a21 = (R)(K(39.0) < a20);
@@ -764,7 +764,7 @@ void oleo_acceleration_held_outputs(R t, R s, R V, const R *restrict y, const R 
     const R a15 = a6 + a14;
     const R a16 = K(1.0) + p[3];
     const R a17 = a3 != K(0.0) ? y[8] : K(0.0);
-    const R a18 = a17 + TINY(1e-120);
+    const R a18 = a17 + TINY(1e-100);
     const R a19 = M(sqrt)(a18);
     const R a20 = y[1] / a19;
     const R a21 = (R)(K(39.0) < a20);
@@ -907,7 +907,7 @@ void oleo_acceleration_held_outputs(R t, R s, R V, const R *restrict y, const R 
     const R a158 = a139 + a157;
     const R a159 = K(1.0) - a142;
     const R a160 = a126 != K(0.0) ? y[8] : K(0.0);
-    const R a161 = a160 + TINY(1e-120);
+    const R a161 = a160 + TINY(1e-100);
     const R a162 = M(sqrt)(a161);
     const R a163 = y[1] / a162;
     const R a164 = (R)(K(39.0) < a163);

@@ -28,7 +28,7 @@ void oleo_acceleration_rate(R t, const R *restrict y, const R *restrict p, R *re
     const R a23 = a14 + a22;
     const R a24 = K(1.0) + p[3];
     const R a25 = a11 != K(0.0) ? y[8] : K(0.0);
-    const R a26 = a25 + TINY(1e-120);
+    const R a26 = a25 + TINY(1e-100);
     const R a27 = M(sqrt)(a26);
     const R a28 = y[1] / a27;
     const R a29 = (R)(K(39.0) < a28);

@@ -21,7 +21,7 @@ void oleo_constant_speed_jacobian(R t, const R *restrict y, const R *restrict p,
     const R a15 = a8 + a14;
     const R a16 = (R)(K(0.0) <= y[8]);
     const R a17 = a16 != K(0.0) ? y[8] : K(0.0);
-    const R a18 = a17 + TINY(1e-120);
+    const R a18 = a17 + TINY(1e-100);
     const R a19 = M(sqrt)(a18);
     const R a20 = y[1] / a19;
     const R a21 = (R)(K(39.0) < a20);

@@ -21,7 +21,7 @@ void oleo_constant_speed_outputs(R t, const R *restrict y, const R *restrict p, 
     const R a15 = a6 + a14;
     const R a16 = K(1.0) + p[3];
     const R a17 = a3 != K(0.0) ? y[8] : K(0.0);
-    const R a18 = a17 + TINY(1e-120);
+    const R a18 = a17 + TINY(1e-100);
     const R a19 = M(sqrt)(a18);
     const R a20 = y[1] / a19;
     const R a21 = (R)(K(39.0) < a20);
@@ -164,7 +164,7 @@ void oleo_constant_speed_outputs(R t, const R *restrict y, const R *restrict p, 
     const R a158 = a139 + a157;
     const R a159 = K(1.0) - a142;
     const R a160 = a126 != K(0.0) ? y[8] : K(0.0);
-    const R a161 = a160 + TINY(1e-120);
+    const R a161 = a160 + TINY(1e-100);
     const R a162 = M(sqrt)(a161);
     const R a163 = y[1] / a162;
     const R a164 = (R)(K(39.0) < a163);

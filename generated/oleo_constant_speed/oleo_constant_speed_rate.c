@@ -27,7 +27,7 @@ void oleo_constant_speed_rate(R t, const R *restrict y, const R *restrict p, R *
     const R a21 = a12 + a20;
     const R a22 = K(1.0) + p[3];
     const R a23 = a9 != K(0.0) ? y[8] : K(0.0);
-    const R a24 = a23 + TINY(1e-120);
+    const R a24 = a23 + TINY(1e-100);
     const R a25 = M(sqrt)(a24);
     const R a26 = y[1] / a25;
     const R a27 = (R)(K(39.0) < a26);

@@ -53,7 +53,7 @@ void road_class_change_held_rate(R t, R s, R V, const R *restrict y, const R *re
     const R a47 = a44 + a46;
     const R a48 = (R)(K(0.0) <= a47);
     const R a49 = a48 != K(0.0) ? a47 : K(0.0);
-    const R a50 = a49 + TINY(1e-120);
+    const R a50 = a49 + TINY(1e-100);
     const R a51 = M(sqrt)(a50);
     const R a52 = a6 / a51;
     const R a53 = (R)(K(39.0) < a52);
@@ -478,7 +478,7 @@ void road_class_change_held_jacobian(R t, R s, R V, const R *restrict y, const R
     const R a46 = a43 + a45;
     const R a47 = (R)(K(0.0) <= a46);
     const R a48 = a47 != K(0.0) ? a46 : K(0.0);
-    const R a49 = a48 + TINY(1e-120);
+    const R a49 = a48 + TINY(1e-100);
     const R a50 = M(sqrt)(a49);
     const R a51 = a15 / a50;
     const R a52 = (R)(K(39.0) < a51);
@@ -1716,7 +1716,7 @@ void road_class_change_held_outputs(R t, R s, R V, const R *restrict y, const R 
     const R a52 = a49 + a51;
     const R a53 = (R)(K(0.0) <= a52);
     const R a54 = a53 != K(0.0) ? a52 : K(0.0);
-    const R a55 = a54 + TINY(1e-120);
+    const R a55 = a54 + TINY(1e-100);
     const R a56 = M(sqrt)(a55);
     const R a57 = a11 / a56;
     const R a58 = (R)(K(39.0) < a57);
@@ -1933,7 +1933,7 @@ void road_class_change_held_outputs(R t, R s, R V, const R *restrict y, const R 
     const R a269 = a237 != K(0.0) ? a248 : K(0.0);
     const R a270 = a268 + a269;
     const R a271 = a230 != K(0.0) ? a229 : K(0.0);
-    const R a272 = a271 + TINY(1e-120);
+    const R a272 = a271 + TINY(1e-100);
     const R a273 = M(sqrt)(a272);
     const R a274 = a214 / a273;
     const R a275 = (R)(K(39.0) < a274);

@@ -52,7 +52,7 @@ void road_class_change_jacobian(R t, const R *restrict y, const R *restrict p, R
     const R a46 = a43 + a45;
     const R a47 = (R)(K(0.0) <= a46);
     const R a48 = a47 != K(0.0) ? a46 : K(0.0);
-    const R a49 = a48 + TINY(1e-120);
+    const R a49 = a48 + TINY(1e-100);
     const R a50 = M(sqrt)(a49);
     const R a51 = a15 / a50;
     const R a52 = (R)(K(39.0) < a51);

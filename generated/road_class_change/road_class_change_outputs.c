@@ -58,7 +58,7 @@ void road_class_change_outputs(R t, const R *restrict y, const R *restrict p, R 
     const R a52 = a49 + a51;
     const R a53 = (R)(K(0.0) <= a52);
     const R a54 = a53 != K(0.0) ? a52 : K(0.0);
-    const R a55 = a54 + TINY(1e-120);
+    const R a55 = a54 + TINY(1e-100);
     const R a56 = M(sqrt)(a55);
     const R a57 = a11 / a56;
     const R a58 = (R)(K(39.0) < a57);
@@ -275,7 +275,7 @@ void road_class_change_outputs(R t, const R *restrict y, const R *restrict p, R 
     const R a269 = a237 != K(0.0) ? a248 : K(0.0);
     const R a270 = a268 + a269;
     const R a271 = a230 != K(0.0) ? a229 : K(0.0);
-    const R a272 = a271 + TINY(1e-120);
+    const R a272 = a271 + TINY(1e-100);
     const R a273 = M(sqrt)(a272);
     const R a274 = a214 / a273;
     const R a275 = (R)(K(39.0) < a274);

@@ -52,7 +52,7 @@ void road_class_change_rate(R t, const R *restrict y, const R *restrict p, R *re
     const R a47 = a44 + a46;
     const R a48 = (R)(K(0.0) <= a47);
     const R a49 = a48 != K(0.0) ? a47 : K(0.0);
-    const R a50 = a49 + TINY(1e-120);
+    const R a50 = a49 + TINY(1e-100);
     const R a51 = M(sqrt)(a50);
     const R a52 = a6 / a51;
     const R a53 = (R)(K(39.0) < a52);

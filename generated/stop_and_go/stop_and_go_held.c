@@ -57,7 +57,7 @@ void stop_and_go_held_rate(R t, R s, R V, const R *restrict y, const R *restrict
     const R a50 = a49 + y[21];
     const R a51 = (R)(K(0.0) <= a50);
     const R a52 = a51 != K(0.0) ? a50 : K(0.0);
-    const R a53 = a52 + TINY(1e-120);
+    const R a53 = a52 + TINY(1e-100);
     const R a54 = M(sqrt)(a53);
     const R a55 = a18 / a54;
     const R a56 = (R)(K(39.0) < a55);
@@ -572,7 +572,7 @@ static void part_of_held_jacobian_0(R t, R s, R V, const R *restrict y, const R 
     const R a30 = (R)(K(0.0) <= a29);
     w[1] = a30;
     const R a31 = a30 != K(0.0) ? a29 : K(0.0);
-    const R a32 = a31 + TINY(1e-120);
+    const R a32 = a31 + TINY(1e-100);
     const R a33 = M(sqrt)(a32);
     w[2] = a33;
     const R a34 = a26 / a33;
@@ -2812,7 +2812,7 @@ void stop_and_go_held_outputs(R t, R s, R V, const R *restrict y, const R *restr
     const R a55 = a54 + y[21];
     const R a56 = (R)(K(0.0) <= a55);
     const R a57 = a56 != K(0.0) ? a55 : K(0.0);
-    const R a58 = a57 + TINY(1e-120);
+    const R a58 = a57 + TINY(1e-100);
     const R a59 = M(sqrt)(a58);
     const R a60 = a23 / a59;
     const R a61 = (R)(K(39.0) < a60);
@@ -3159,7 +3159,7 @@ void stop_and_go_held_outputs(R t, R s, R V, const R *restrict y, const R *restr
     const R a402 = a361 * a361;
     const R a403 = a364 - a402;
     const R a404 = a377 != K(0.0) ? a376 : K(0.0);
-    const R a405 = a404 + TINY(1e-120);
+    const R a405 = a404 + TINY(1e-100);
     const R a406 = M(sqrt)(a405);
     const R a407 = a362 / a406;
     const R a408 = (R)(K(39.0) < a407);

@@ -37,7 +37,7 @@ static void part_of_jacobian_0(R t, const R *restrict y, const R *restrict p, R 
     const R a30 = (R)(K(0.0) <= a29);
     w[1] = a30;
     const R a31 = a30 != K(0.0) ? a29 : K(0.0);
-    const R a32 = a31 + TINY(1e-120);
+    const R a32 = a31 + TINY(1e-100);
     const R a33 = M(sqrt)(a32);
     w[2] = a33;
     const R a34 = a26 / a33;

@@ -61,7 +61,7 @@ void stop_and_go_outputs(R t, const R *restrict y, const R *restrict p, R *restr
     const R a55 = a54 + y[21];
     const R a56 = (R)(K(0.0) <= a55);
     const R a57 = a56 != K(0.0) ? a55 : K(0.0);
-    const R a58 = a57 + TINY(1e-120);
+    const R a58 = a57 + TINY(1e-100);
     const R a59 = M(sqrt)(a58);
     const R a60 = a23 / a59;
     const R a61 = (R)(K(39.0) < a60);
@@ -408,7 +408,7 @@ void stop_and_go_outputs(R t, const R *restrict y, const R *restrict p, R *restr
     const R a402 = a361 * a361;
     const R a403 = a364 - a402;
     const R a404 = a377 != K(0.0) ? a376 : K(0.0);
-    const R a405 = a404 + TINY(1e-120);
+    const R a405 = a404 + TINY(1e-100);
     const R a406 = M(sqrt)(a405);
     const R a407 = a362 / a406;
     const R a408 = (R)(K(39.0) < a407);

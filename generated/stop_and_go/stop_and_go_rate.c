@@ -55,7 +55,7 @@ void stop_and_go_rate(R t, const R *restrict y, const R *restrict p, R *restrict
     const R a50 = a49 + y[21];
     const R a51 = (R)(K(0.0) <= a50);
     const R a52 = a51 != K(0.0) ? a50 : K(0.0);
-    const R a53 = a52 + TINY(1e-120);
+    const R a53 = a52 + TINY(1e-100);
     const R a54 = M(sqrt)(a53);
     const R a55 = a18 / a54;
     const R a56 = (R)(K(39.0) < a55);

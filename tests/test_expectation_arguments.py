@@ -1,0 +1,175 @@
+"""Functions of two and three arguments: any correlation, vanishing variances, against brute force and Isserlis."""
+
+from __future__ import annotations
+
+import warnings
+
+import casadi as ca
+import numpy as np
+import pytest
+import sympy as sp
+from gaussian_integrals import covariance, two
+
+from cadet_sym.errors import LinearisationError
+from cadet_sym.expectation import describing_function
+from cadet_sym.language.expression import parse, symbol
+from cadet_sym.language.numeric import evaluate
+from cadet_sym.lowering.elements import element_function
+
+X, Y, W = symbol("x"), symbol("y"), symbol("w")
+CLOSED = {  # text: kinks in x, kinks in y
+    "x**2*y": ([], []),
+    "abs(x)*y": ([0], []),
+    "abs(y)*abs(x)*x": ([0], [0]),
+    "abs(y)*x**3": ([], [0]),
+    "sign(x)*max(y, 0)": ([0], [0]),
+    "sign(x)*sign(y)": ([0], [0]),
+    "clip(x, -1, 1)*clip(y, -1, 0.5)": ([-1, 1], [-1, 0.5]),
+    "max(x*y, 0)": ([0], [0]),
+    "x*y if x > 0 and y > 0 else 0": ([0], [0]),
+    "y if x > 0.2 else 2*abs(y)": ([0.2], [0]),
+    "cos(x)*y**2": ([], []),
+    "exp(-x)*y*(y - x)": ([], []),
+}
+INTEGRATED = {
+    "abs(y)*abs(x)**0.5*x": ([0], [0]),
+    "y*abs(x)**1.3": ([0], []),
+    "tanh(x)*abs(y)": ([], [0]),
+    "min(max(x, -y), y)": None,
+}
+MOMENTS = [((0.0, 0.0), (1.0, 1.0)), ((0.4, -0.3), (0.7, 1.5))]
+CORRELATIONS = [0.0, 0.5, -0.95, -0.999999, 1.0, -1.0]
+
+
+def compiled(text: str, arguments=(X, Y)) -> ca.Function:
+    return element_function(describing_function(arguments, parse(text), name="f"), ())
+
+
+def plain(text: str, *values):
+    return evaluate(parse(text), dict(zip((X, Y, W), values, strict=False)))
+
+
+@pytest.mark.parametrize("text", [*CLOSED, *(t for t, kinks in INTEGRATED.items() if kinks)])
+def test_any_correlation_gives_the_integral(text):
+    function, kinks = compiled(text), (CLOSED | INTEGRATED)[text]
+    for mean, stds in MOMENTS:
+        for rho in CORRELATIONS:
+            F, gain = function(mean, covariance(stds, rho), [])
+            wanted = two(lambda x, y: np.broadcast_to(plain(text, x, y), y.shape), mean, stds, rho, kinks)
+            assert float(F) == pytest.approx(wanted, rel=1e-8, abs=1e-8), (mean, stds, rho)
+            assert np.all(np.isfinite(np.asarray(gain)))
+
+
+@pytest.mark.parametrize("text", CLOSED)
+def test_what_separates_has_a_closed_form(text):
+    assert describing_function((X, Y), parse(text)).method == "closed form"
+
+
+@pytest.mark.parametrize("text", [*CLOSED, *INTEGRATED])
+@pytest.mark.parametrize("rho", [0.0, 0.5, -0.95])
+def test_gains_are_slopes_in_the_means(text, rho):
+    function, h = compiled(text), 1e-4
+    mean, stds = MOMENTS[1]
+    gain = np.asarray(function(mean, covariance(stds, rho), [])[1]).ravel()
+    for a in range(2):
+        shifted = [[m + d * (i == a) for i, m in enumerate(mean)] for d in (h, -h)]
+        up, down = (float(function(at, covariance(stds, rho), [])[0]) for at in shifted)
+        assert gain[a] == pytest.approx((up - down) / (2 * h), rel=1e-6, abs=1e-6)
+
+
+@pytest.mark.parametrize("text", [*CLOSED, *INTEGRATED])
+def test_vanishing_variances_give_plain_evaluation_and_finite_derivatives(text):
+    function = compiled(text)
+    m, S = ca.SX.sym("m", 2), ca.SX.sym("S", 3)
+    J = ca.Function("J", [m, S], [ca.jacobian(ca.vertcat(*function(m, S, [])), ca.vertcat(m, S))])
+    for mean in ((0.4, -0.3), (0.0, 0.0), (-2.0, 0.7), (0.0, 0.3)):
+        for S0 in ([0, 0, 0], [1e-300, 0, 1e-300]):
+            F, gain = function(mean, S0, [])
+            if mean[0] and mean[1]:
+                assert float(F) == pytest.approx(float(plain(text, *mean)), rel=1e-9, abs=1e-12)
+            assert np.all(np.isfinite(np.asarray(gain)))
+        for S0 in ([0, 0, 0], [0, 0, 1], [1, 0, 0], [1, 1, 1], [1, -1, 1]):
+            assert np.all(np.isfinite(np.asarray(J(mean, S0)))), (mean, S0)
+
+
+@pytest.mark.parametrize("text", ["abs(x)*y", "sign(x)*max(y, 0)", "abs(y)*abs(x)**0.5*x", "clip(x, -1, 1)*y"])
+def test_one_vanishing_variance_leaves_the_expectation_over_the_other(text):
+    function = compiled(text)
+    for frozen, mean, S in ((X, (0.4, -0.3), [0, 0, 2.25]), (Y, (0.4, -0.3), [0.49, 0, 0])):
+        free = Y if frozen == X else X
+        value = sp.Rational(str(mean[0] if frozen == X else mean[1]))
+        alone = element_function(describing_function((free,), parse(text).subs(frozen, value)), ())
+        wanted = alone(mean[0] if free == X else mean[1], S[0] if free == X else S[2], [])[0]
+        assert float(function(mean, S, [])[0]) == pytest.approx(float(wanted), rel=1e-9)
+
+
+def test_the_heat_equation_holds_in_the_covariance():
+    function, h = compiled("abs(y)*abs(x)*x"), 1e-4
+    mean, S = (0.3, -0.2), np.array([0.6, 0.2, 0.9])
+
+    def F(m, S):
+        return float(function(m, S, [])[0])
+
+    mixed = (F((0.3 + h, -0.2 + h), S) - F((0.3 + h, -0.2 - h), S) - F((0.3 - h, -0.2 + h), S) + F((0.3 - h, -0.2 - h), S)) / (
+        4 * h * h
+    )
+    step = np.array([0, h, 0])
+    assert (F(mean, S + step) - F(mean, S - step)) / (2 * h) == pytest.approx(mixed, rel=1e-5)
+
+
+THREE = {
+    "x*y*w": "closed form",
+    "abs(x)*y*w": "closed form",
+    "abs(x)*abs(y)*w": "closed form",
+    "sign(x)*max(y, 0)*w": "closed form",
+    "abs(x)*abs(y)*abs(w)": "quadrature",
+    "x*abs(x)*y*tanh(w)": "quadrature",
+}
+
+
+@pytest.mark.parametrize("text", THREE)
+def test_three_arguments_reduce_to_two_when_one_is_linear_in_them(text):
+    # w = a + b x + c y exactly: what is left is a function of two, whose integral is known otherwise
+    df = describing_function((X, Y, W), parse(text), name="f")
+    assert df.method == THREE[text]
+    function = element_function(df, ())
+    a, b, c = 0.2, 0.6, -0.5
+    mean, S2 = np.array([0.3, -0.2]), np.array([[0.7, 0.2], [0.2, 0.5]])
+    T = np.array([[1, 0], [0, 1], [b, c]])
+    S = (T @ S2 @ T.T)[np.tril_indices(3)]
+    F = float(function([*mean, a + b * mean[0] + c * mean[1]], S, [])[0])
+    stds = np.sqrt(np.diag(S2))
+    rho = S2[0, 1] / stds.prod()
+    # the kink of the third argument is a line across the plane: split finely instead
+    fine = np.linspace(-3, 3, 40) if "abs(w)" in text else []
+    wanted = two(lambda x, y: plain(text, x, y, a + b * x + c * y), mean, stds, rho, ([0], [0, *fine]))
+    assert pytest.approx(wanted, rel=1e-4 if "abs(w)" in text else 1e-8) == F
+
+
+def test_three_arguments_at_once_are_integrated_with_a_warning():
+    with pytest.warns(UserWarning, match="integrated over 3 arguments at once"):
+        df = describing_function((X, Y, W), parse("sqrt(1 + x**2 + y**2 + w**2)"), name="f")
+    F = float(element_function(df, ())([0, 0, 0], [1, 0, 1, 0, 0, 1], [])[0])
+    r, w = np.polynomial.legendre.leggauss(80)
+    r = 5.0 * (1 + r)
+    density = np.sqrt(2 / np.pi) * r**2 * np.exp(-(r**2) / 2)
+    assert pytest.approx(float(np.sum(5.0 * w * density * np.sqrt(1 + r**2))), rel=1e-5) == F
+
+
+def test_four_arguments_that_do_not_separate_are_refused_with_the_term_and_a_way_out():
+    with pytest.raises(LinearisationError, match=r"function of 4 arguments.*Split it"):
+        describing_function((X, Y, W, symbol("q")), parse("sqrt(1 + x**2 + y**2 + w**2 + q**2)"), name="f")
+
+
+def test_many_arguments_that_separate_need_no_integral():
+    names = [symbol(n) for n in "abcde"]
+    df = describing_function(tuple(names), parse("a*b*c*d*e + abs(a)*b*c"), name="f")
+    F = element_function(df, ())([0] * 5, np.eye(5)[np.tril_indices(5)], [])[0]
+    assert df.method == "closed form"
+    assert float(F) == 0.0
+
+
+def test_nothing_is_warned_of_where_nothing_is_wrong():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        compiled("abs(y)*abs(x)**0.5*x")

@@ -1,0 +1,236 @@
+"""What one argument may be: kinks of any kind, exponentials, waves, powers, steep places, tables; and what it may not."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+import sympy as sp
+from gaussian_integrals import one
+from sympy.core.symbol import Str
+
+from cadet_sym.errors import LinearisationError
+from cadet_sym.expectation import describing_function
+from cadet_sym.expectation.conditional import Product
+from cadet_sym.expectation.pieces import Cell, Splitter
+from cadet_sym.language.expression import Lookup, parse, symbol
+from cadet_sym.language.numeric import evaluate
+from cadet_sym.lowering.elements import element_function
+
+Z = symbol("z")
+MOMENTS = [(0.0, 1.0), (0.3, 0.7), (-1.2, 0.4), (2.0, 0.05), (0.1, 3.0)]
+
+
+def values(pair) -> list[float]:
+    return [float(x) for x in pair]
+
+
+def expression(text: str) -> sp.Expr:
+    return parse(text)
+
+
+def compare(text: str, kinks=(), values: dict[str, float] | None = None, rel: float = 1e-9) -> None:
+    body, numbers = expression(text), {symbol(n): v for n, v in (values or {}).items()}
+    function = element_function(describing_function((Z,), body, values=numbers), tuple(numbers))
+    for m, s in MOMENTS:
+        wanted, slope = one(lambda z: np.broadcast_to(evaluate(body, {**numbers, Z: z}), z.shape), m, s, kinks)
+        F, gain = (float(x) for x in function(m, s * s, list(numbers.values())))
+        assert pytest.approx(wanted, rel=rel, abs=rel) == F, (m, s)
+        assert gain == pytest.approx(slope, rel=10 * rel, abs=10 * rel / min(s, 1)), (m, s)
+    for m in (0.0, 0.5, -1.0, 1.0):  # no variance: finite, also at kinks
+        assert np.all(np.isfinite([float(x) for x in function(m, 0.0, list(numbers.values()))]))
+
+
+CLOSED = {
+    "abs(abs(z) - 1) - 1": [-1, 0, 1],
+    "abs(abs(abs(z) - 2) - 1)*max(z, -1)": [-3, -2, -1, 0, 1, 2, 3],
+    "min(z**3 - z, 1)": [1.3247179572447460],
+    "sign(z**3 - 3*z + 1)": [-1.879385241571817, 0.347296355333861, 1.532088886237956],
+    "z**2 if z < -1 or z > 2 else 4*z": [-1, 2],
+    "z if -1 < z < 0.5 else 0": [-1, 0.5],
+    "1 if not (z > 0.2 and z < 1) else z": [0.2, 1],
+    "max(1 - z**2, 0)**2": [-1, 1],
+    "sign(exp(z) - 2)": [np.log(2)],
+    "exp(-abs(z))": [0],
+    "z**2*exp(-2*z) if z > 0 else z": [0],
+    "exp(-z**2)*abs(z)": [0],
+    "sign(z)*(1 + exp(-(z/0.2)**2))": [0],
+    "cosh(z/2)*z": [],
+    "2**z": [],
+    "z**2*sin(2*z)*cos(z)": [],
+    "cos(2*z)*abs(z)": [0],
+    "sign(z)*sin(5*z)*z": [0],
+    "exp(-z)*sin(3*z)*heaviside(z)": [0],
+    "sin(z) if abs(z) < pi/2 else sign(z)": [-np.pi / 2, np.pi / 2],
+    "z*erf(2*z + 1) - erf(z)": [-0.5, 0],
+    "abs(z)**7 + z**10/100": [0],
+}
+
+
+@pytest.mark.parametrize("text", CLOSED)
+def test_a_closed_form_is_the_integral(text):
+    assert describing_function((Z,), expression(text)).method == "closed form"
+    compare(text, CLOSED[text], rel=1e-8)
+
+
+INTEGRATED = {
+    "tanh(3*z)": [0],
+    "tanh(200*z)": [0],
+    "atan(3*z)*z": [0],
+    "z/(1 + z**2)": [0],
+    "log(1 + z**2)": [0],
+    "z/sqrt(z**2 + 0.0001)": [0],
+    "1/(1 + exp(-4*z))": [0],
+    "sqrt(1 + abs(z))": [0],
+    "abs(tanh(z) - 0.5)": [0.5493061443340549],
+    "asin(clip(z, -1, 1))": [-1, 1],
+    "sqrt(max(1 - z**2, 0))": [-1, 1],
+    "abs(z)**0.5*sign(z)": [0],
+    "abs(z)**0.15*sign(z)": [0],
+    "sqrt(max(z, 0))": [0],
+    "abs(z)**1.7*cos(z)": [0],
+    "tan(clip(z, -1, 1))": [-1, 1],
+    "(1 + max(z, -0.9))**(-1.4)": [-0.9],
+}
+
+
+@pytest.mark.parametrize("text", INTEGRATED)
+def test_a_quadrature_is_the_integral_and_says_what_it_is(text):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        df = describing_function((Z,), expression(text))
+    assert df.method == "quadrature"
+    assert df.nodes <= 250
+    assert 0 < df.error <= 1e-8
+    compare(text, INTEGRATED[text], rel=2e-8 if "200" in text or "0.0001" in text else 1e-9)
+
+
+PARAMETERS = {
+    "clip(z, -a, a)": ({"a": 1.5}, [-1.5, 1.5]),
+    "a*clip(b*z + c, -1, 1)": ({"a": 2.0, "b": -2.0, "c": -0.3}, [-0.65, 0.35]),
+    "z if a < z < b else c": ({"a": -0.5, "b": 1.2, "c": 0.3}, [-0.5, 1.2]),
+    "abs(z - a)**b*sign(z - a)": ({"a": 0.3, "b": 0.35}, [0.3]),
+    "(1 + max(z, -c)/a)**(-b)": ({"a": 1.0, "b": 1.4, "c": 0.9}, [-0.9]),
+    "a**z": ({"a": 1.5}, []),
+    "exp(-(z/a)**2)*sign(z)": ({"a": 0.2}, [0]),
+    "max(z**2 - a, b)": ({"a": 1.0, "b": 0.5}, [-(1.5**0.5), 1.5**0.5]),
+}
+
+
+@pytest.mark.parametrize("text", PARAMETERS)
+def test_parameters_stay_free(text):
+    values, kinks = PARAMETERS[text]
+    compare(text, kinks, values)
+
+
+@pytest.mark.parametrize(("a", "b"), [(-0.5, 1.2), (1.2, -0.5), (0.3, 0.3)])
+def test_the_order_of_two_kinks_need_not_be_known(a, b):
+    df = describing_function((Z,), expression("z if a < z < b else 0.3"))
+    function = element_function(df, (symbol("a"), symbol("b")))
+    for m, s in MOMENTS:
+        wanted, _ = one(lambda z: np.where((a < z) & (z < b), z, 0.3), m, s, [a, b])
+        assert float(function(m, s * s, [a, b])[0]) == pytest.approx(wanted, abs=1e-10)
+
+
+def test_cells_fill_the_line_once_with_what_the_function_is_there():
+    for text in CLOSED:
+        body = expression(text)
+        cells = Splitter(Z, "f").split(body, Cell())
+        for z in np.linspace(-3.37, 3.41, 41):
+            inside = [v for c, v in cells if all(float(k) < z for k in c.lowers) and all(z < float(k) for k in c.uppers)]
+            assert len(inside) == 1, (text, z)
+            assert evaluate(inside[0], {Z: z}) == pytest.approx(evaluate(body, {Z: z}), abs=1e-12)
+
+
+def test_a_continuous_function_has_no_jump_at_its_kinks():
+    for text in ("clip(z, -1, 0.3)", "abs(z**2 - 2)", "exp(z) - 1 if z < 0 else z", "max(z, 0.1)**3*z"):
+        df = describing_function((Z,), expression(text))
+        (product,) = df.products
+        assert isinstance(product, Product)
+        ((_, function),) = product.functions
+        assert [jump.size(0) for jump in function.jumps] == [0] * len(function.jumps)
+
+
+# -- tables -----------------------------------------------------------------------------------------------------------
+
+
+def table(rows: int, outside: str, method: str) -> Lookup:
+    rng = np.random.default_rng(rows)
+    z = np.round(np.cumsum(rng.uniform(0.02, 0.2, rows)), 4)
+    f = np.round(np.tanh(z - z.mean()) * 3 + rng.normal(0, 0.05, rows), 4)
+    exact = [sp.Tuple(*(sp.Rational(str(x)) for x in column)) for column in (z - z[rows // 2], f)]
+    return Lookup(Z, *exact, Str(outside), Str(method))
+
+
+@pytest.mark.parametrize("outside", ["extrapolate", "hold"])
+@pytest.mark.parametrize("method", ["linear", "monotone"])
+@pytest.mark.parametrize("rows", [2, 3, 15])
+def test_a_table_is_the_function_between_its_rows(rows, outside, method):
+    curve = table(rows, outside, method)
+    function = element_function(describing_function((Z,), curve), ())
+    pieces = element_function(describing_function((Z,), curve.as_piecewise()), ())
+    for m, s in [*MOMENTS, (float(curve.knots[1]), 1e-9), (0.05, 0.0), (-30.0, 0.1)]:
+        assert np.allclose(values(function(m, s * s, [])), values(pieces(m, s * s, [])), rtol=1e-10, atol=1e-10)
+
+
+def test_a_curve_may_be_scaled_shifted_multiplied_and_squared():
+    curve, c = table(12, "hold", "linear"), symbol("c")
+    for body in (c * curve.subs(Z, 2 * Z - c) + Z**2, Z * curve, curve**2, sp.Abs(curve), curve * sp.Abs(Z - 1)):
+        function = element_function(describing_function((Z,), body), (c,))
+        for m, s in MOMENTS[1:4]:
+            wanted, slope = one(lambda z, f=body: evaluate(f, {Z: z, c: 0.7}), m, s, np.linspace(-3, 3, 300))
+            F, gain = (float(x) for x in function(m, s * s, [0.7]))
+            assert pytest.approx(wanted, rel=1e-6, abs=1e-6) == F
+            assert gain == pytest.approx(slope, rel=1e-4, abs=1e-4)
+
+
+def test_many_rows_cost_one_pass():
+    function = element_function(describing_function((Z,), table(200, "extrapolate", "linear")), ())
+    assert function.n_instructions() < 120 * 200
+
+
+# -- refusals ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("1/z", "infinite at z = 0"),
+        ("z**(-2)", "infinite at z = 0"),
+        ("1/(z - a)", "infinite at z = a"),
+        ("1/max(z, 0)", "infinite at z = 0"),
+        ("1/sin(z)", "infinite where sin"),
+        ("1/(exp(z) - 2)", "infinite where exp"),
+        ("tan(z)", "odd multiples of pi/2"),
+        ("log(z)", "not a real number where z < 0"),
+        ("sqrt(z)", "not a real number where z < 0"),
+        ("asin(z)", "not a real number"),
+        ("(1 + z)**(-1.4)", "not a real number where z"),
+        ("(1 + z/a)**(-b)", "infinite at z = -a"),
+        ("(1 + max(z, -1))**(-1.4)", "infinite at z = -1"),
+        ("exp(z**2)", "grows as fast"),
+        ("exp(z**3)", "grows as fast"),
+        ("exp(exp(z))", "grows as fast"),
+        ("cosh(z**2)", "grows as fast"),
+    ],
+)
+def test_what_has_no_expectation_is_refused_with_the_reason_and_the_remedy(text, reason):
+    with pytest.raises(LinearisationError) as caught:
+        describing_function((Z,), expression(text), name="gas")
+    message = str(caught.value)
+    assert message.startswith("the element `gas` has no Gaussian expectation:")
+    assert reason in message
+    assert "clip" in message
+
+
+@pytest.mark.parametrize("text", ["sign(sin(z))", "abs(sin(z))", "1 if z*tanh(z) > 1 else 0"])
+def test_a_kink_that_cannot_be_found_is_refused(text):
+    with pytest.raises(LinearisationError, match="cannot find where"):
+        describing_function((Z,), expression(text))
+
+
+def test_an_inaccurate_quadrature_is_warned_of_by_name():
+    with pytest.warns(UserWarning, match="the element `ripple`.*accurate to"):
+        df = describing_function((Z,), expression("1/(1.01 + sin(40*z))"), name="ripple")
+    assert df.error > 1e-8
