@@ -28,7 +28,8 @@ __all__ = ["controlled_simulation", "twin_of"]
 Array = npt.NDArray[np.float64]
 
 POINTS = 2000  # of the moments between which gains are interpolated, over a run
-RTOL = 1e-10  # of these moments
+RTOL = 1e-8  # of these moments
+EDGE = 1e-9  # of a stretch: how far inside it speed and ground are taken at its ends
 
 
 def controlled_simulation(model: Model | CompiledModel, paths: Any = 2000, **options: Any) -> Ensemble:
@@ -64,47 +65,52 @@ def twin_of(compiled: CompiledModel, times: Array) -> Twin:
     ----------
     times : (k,) output times of the simulation.
     """
-    history = compiled.propagate(times, rtol=RTOL)
-    return Twin(_Linearised(compiled, float(times[-1])), history.state_mean, history.state_covariance)
+    linearised = _Linearised(compiled, times)
+    history, at = linearised.history, np.searchsorted(linearised.history.time, times)
+    return Twin(linearised, history.state_mean[at], history.state_covariance[at])
 
 
 class _Linearised:
-    """Times -> N and g of the vehicle's rates, from moments interpolated between `POINTS` of a run."""
+    """Times -> N and g of the vehicle's rates, interpolated between `POINTS` of a run, stretch by stretch."""
 
-    def __init__(self, compiled: CompiledModel, end: float):
+    def __init__(self, compiled: CompiledModel, times: Array):
         from scipy.interpolate import CubicSpline
 
-        self.compiled, self.p = compiled, compiled.parameter_vector()
+        end, self.compiled, self.p = float(times[-1]), compiled, compiled.parameter_vector()
         system = compiled.equations.quasi_linear.system
         self.vehicle, self.states = system.vehicle_size, len(system.states)
-        self.motion = Problem(system, np.array([end])).motion
+        self.motion = Problem(system, times).motion
         self.edges = np.unique([0.0, *compiled.breakpoints(self.p, end), end])
         stretches = [np.linspace(a, b, max(8, int(POINTS * (b - a) / end))) for a, b in pairwise(self.edges)]
-        dense = compiled.propagate(np.unique(np.concatenate(stretches)), rtol=RTOL)
-        packing = compiled.equations.packing
-        y = np.stack([packing.pack(m, P) for m, P in zip(dense.state_mean, dense.state_covariance, strict=True)])
-        self.splines = [CubicSpline(part, y[np.searchsorted(dense.time, part)]) for part in stretches]
-        self.function = self._function()
+        self.history = compiled.propagate(np.unique(np.concatenate([*stretches, times])), rtol=RTOL)
+        self.splines = [CubicSpline(part, self._gains(part)) for part in stretches]
 
     def __call__(self, time: Array) -> tuple[Array, Array]:
         """N (k, nv, n) and g (k, nv)."""
-        packing, count = self.compiled.equations.packing, len(time)
-        y = np.zeros((packing.size, count))
         which = np.clip(np.searchsorted(self.edges, time, side="right") - 1, 0, len(self.splines) - 1)
+        found = np.empty((len(time), self.vehicle, self.states + 1))
         for k, spline in enumerate(self.splines):
-            y[: packing.moments, which == k] = spline(time[which == k]).T
-        place = self.motion.distance(time)
-        if packing.distance:
-            y[packing.moments] = place
-        ctx = np.stack([time, place, self.motion.speed(time), self.motion.rate(time)])
-        p = np.repeat(self.p[:, None], count, axis=1)
-        N, rate = (np.asarray(part) for part in self.function.map(count)(y, ctx, p))
-        N = N.reshape(self.vehicle, count, self.states).transpose(1, 0, 2)
-        return N, rate.T - np.einsum("kab,kb->ka", N, y[: self.states].T)
+            found[which == k] = spline(time[which == k])
+        return found[:, :, :-1], found[:, :, -1]
+
+    def _gains(self, stretch: Array) -> Array:
+        """(k, nv, n + 1): N and g at times of one stretch, its ends taken just inside it."""
+        packing, at = self.compiled.equations.packing, np.searchsorted(self.history.time, stretch)
+        mean, covariance = self.history.state_mean[at], self.history.state_covariance[at]
+        y = np.stack([packing.pack(m, P) for m, P in zip(mean, covariance, strict=True)], axis=1)
+        inset = EDGE * (stretch[-1] - stretch[0])
+        time = np.clip(stretch, stretch[0] + inset, stretch[-1] - inset)
+        ctx = np.stack([time, self.motion.distance(time), self.motion.speed(time), self.motion.rate(time)])
+        p = np.repeat(self.p[:, None], len(time), axis=1)
+        N, rate = (part.full() for part in self._function().map(len(time))(y, ctx, p))
+        N = N.reshape(self.vehicle, len(time), self.states).transpose(1, 0, 2)
+        return np.concatenate([N, (rate.T - np.einsum("kab,kb->ka", N, mean))[:, :, None]], axis=2)
 
     def _function(self) -> ca.Function:
+        # In SX symbols the parts that are not asked for, nearly all of the covariance, drop out.
         functions, packing, nv = self.compiled.functions, self.compiled.equations.packing, self.vehicle
-        y, ctx, p = ca.MX.sym("y", packing.size), ca.MX.sym("ctx", 4), ca.MX.sym("p", len(self.p))
-        N = functions.gain_matrix(y[: packing.moments], ctx, p)
-        rate = functions.rate(ctx[0], y, p)
+        y, ctx, p = ca.SX.sym("y", packing.moments), ca.SX.sym("ctx", 4), ca.SX.sym("p", len(self.p))
+        place = ctx[1] if packing.distance else ca.SX(0, 1)
+        rate = functions.rate(ctx[0], ca.vertcat(y, place, ca.SX.zeros(packing.ground)), p)
+        N = functions.gain_matrix(y, ctx, p)
         return ca.Function("linearised", [y, ctx, p], [ca.densify(N[:nv, :]), ca.densify(rate[:nv])])

@@ -16,6 +16,7 @@ one batch at a time (jackknife), never from the regression itself.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,13 +25,13 @@ import sympy as sp
 from cadet_sym.simulate.plan import Problem
 from cadet_sym.simulate.program import numeric
 from cadet_sym.simulate.riders import is_affine
-from cadet_sym.simulate.statistics import Moments, StepError, alive
+from cadet_sym.simulate.statistics import Moments, StepError, alive, moments_of
 
-__all__ = ["ControlTally", "Controlled", "control_tallies"]
+__all__ = ["ControlTally", "Controlled", "Reference", "control_tallies", "controlled_step", "reference_of"]
 
 BATCHES = 40
 _PER_DIRECTION = 6
-_MOST_DIRECTIONS = 4  # for an output that is not linear: as many of the states in it as have a twin
+_OWN_DIRECTIONS = 3  # states of an output that is not linear, up to which each is a direction of its own
 _RANK = 1e-10  # of the largest eigenvalue of the controls' correlation: smaller ones carry nothing
 _ALARM = 6.0  # standard errors by which a control's mean may differ from zero
 
@@ -168,7 +169,37 @@ def _estimates(sums: np.ndarray) -> np.ndarray:
     return np.stack([first, second - first**2], axis=-2)
 
 
-def control_tallies(problem: Problem, reference: Moments) -> tuple[ControlTally, ...]:
+@dataclass(frozen=True)
+class Reference:
+    """What some paths tell beforehand: places and sizes, and along which direction each output follows the states."""
+
+    moments: Moments
+    weights: Mapping[int, np.ndarray]  # row of an output that is not linear: (times, n)
+
+
+def reference_of(problem: Problem, records: np.ndarray) -> Reference:
+    """From records (times, rows, paths) of some paths."""
+    n, states = len(problem.system.states), problem.system.states
+    weights = {}
+    if problem.twin is not None:
+        for row, expression in enumerate(problem.system.outputs.values(), n):
+            if not is_affine(expression, states):
+                seen = [b for b, s in enumerate(states) if s in expression.free_symbols]
+                weights[row] = _slopes(records, row, seen, n)
+    return Reference(moments_of(records[:, : problem.quantities], n), weights)
+
+
+def _slopes(records: np.ndarray, row: int, seen: list[int], n: int) -> np.ndarray:
+    """Regression of one row on some states at each time, (times, n)."""
+    slopes = np.zeros((len(records), n))
+    for k, values in enumerate(records[:, :, alive(records).all(axis=0)]):
+        x, y = (values[rows] - values[rows].mean(axis=-1, keepdims=True) for rows in (seen, row))
+        size = np.maximum(x.std(axis=1), 1e-300)
+        slopes[k, seen] = np.linalg.lstsq((x / size[:, None]).T, y, rcond=1e-9)[0] / size
+    return slopes
+
+
+def control_tallies(problem: Problem, reference: Reference) -> tuple[ControlTally, ...]:
     """A tally for every vehicle state and output, taken about the moments of some paths."""
     twin, system = problem.twin, problem.system
     if twin is None:
@@ -185,13 +216,15 @@ def control_tallies(problem: Problem, reference: Moments) -> tuple[ControlTally,
             weights[:, seen] = numeric([sp.diff(expression, system.states[b]) for b in seen], known, problem.elements)
             along.append((row, [weights]))
         else:
-            along.append((row, [units[b] for b in seen[:_MOST_DIRECTIONS]]))
-    std = np.sqrt(reference.variance)
+            own = seen if len(seen) <= _OWN_DIRECTIONS else []
+            along.append((row, [units[b] for b in own] or [reference.weights[row]]))
+    moments = reference.moments
+    std = np.sqrt(moments.variance)
     return tuple(
         ControlTally(
             target=row,
             directions=tuple(_direction(w, twin.mean, twin.covariance) for w in weights),
-            centre=reference.mean[:, row],
+            centre=moments.mean[:, row],
             unit=np.where(std[:, row] > 0.0, std[:, row], 1.0),
             states=n,
             vehicle=nv,

@@ -10,7 +10,7 @@ import numpy as np
 from cadet_sym.errors import ModelError
 from cadet_sym.simulate.arguments import increasing, places_of
 from cadet_sym.simulate.collect import Collected
-from cadet_sym.simulate.control import ControlTally, control_tallies
+from cadet_sym.simulate.control import ControlTally, Reference, control_tallies
 from cadet_sym.simulate.plan import Problem
 from cadet_sym.simulate.riders import CrossingRider
 from cadet_sym.simulate.statistics import Moments
@@ -32,9 +32,9 @@ class Demands:
         crossings: Mapping[str, CrossingRider],
         histograms: Mapping[str, int | Sequence[float] | np.ndarray],
         average_from: float | None,
-        look: Callable[[], Moments],
+        look: Callable[[], Reference],
     ):
-        """`look` gives the moments of some paths, where none are known from measuring the step's error."""
+        """`look` gives what some paths tell, where none were computed to measure the step's error."""
         places = dict(zip(histograms, places_of(list(histograms), problem.names, "histograms"), strict=True))
         needed = problem.twin is not None or average_from is not None or bool(histograms)
         reference = chosen.reference if chosen.reference is not None else look() if needed else None
@@ -44,9 +44,9 @@ class Demands:
         if reference is not None:
             controls = control_tallies(problem, reference)
             for name, bins in histograms.items():
-                self.histograms[name] = HistogramTally(places[name], _edges(name, bins, reference, places[name]))
+                self.histograms[name] = HistogramTally(places[name], _edges(name, bins, reference.moments, places[name]))
             if average_from is not None:
-                self.average = _average(problem, average_from, reference)
+                self.average = _average(problem, average_from, reference.moments)
         self.crossings = {
             name: CrossingTally(problem.first_row(rider), rider.levels, problem.times) for name, rider in crossings.items()
         }

@@ -19,11 +19,12 @@ from cadet_sym.errors import SolverError
 from cadet_sym.language.model import Model
 from cadet_sym.simulate.arguments import check_numbers, choose_engine, increasing, output_times, places_of
 from cadet_sym.simulate.collect import Collected, Goal, collect, estimates_of
+from cadet_sym.simulate.control import Reference, reference_of
 from cadet_sym.simulate.demands import Demands
 from cadet_sym.simulate.ensemble import Ensemble
-from cadet_sym.simulate.plan import Problem
+from cadet_sym.simulate.plan import Plan, Problem
 from cadet_sym.simulate.riders import CrossingRider
-from cadet_sym.simulate.statistics import Moments, interval_factor, moments_of
+from cadet_sym.simulate.statistics import interval_factor
 from cadet_sym.simulate.steps import Chosen, Precision, choose_step
 from cadet_sym.simulate.twin import Twin
 from cadet_sym.simulate.workers import Task, records_in_parts
@@ -154,9 +155,8 @@ def _crossing_riders(system: AugmentedSystem, levels: Mapping[str, tuple[float, 
     return {name: CrossingRider(quantities[name], values) for name, values in levels.items()}
 
 
-def _look(plan: Any, engine: str, seed: int, problem: Problem) -> Moments:
-    records, _ = records_in_parts(plan, engine, seed, _LOOK)
-    return moments_of(records[:, : problem.quantities], len(problem.system.states))
+def _look(plan: Plan, engine: str, seed: int, problem: Problem) -> Reference:
+    return reference_of(problem, records_in_parts(plan, engine, seed, _LOOK)[0])
 
 
 def _ensemble(

@@ -73,15 +73,15 @@ class Problem:
         grid = make_grid(self.motion, self.times, step, self._kinks(), run_in)
         finest = grid.halved() if paired else grid
         program = self.program
-        none = self._steps(grid, slice(0, 0))
         ground, roots = ground_tables(self.system, self.values, finest, len(program.time_noises))
+        fine = self._steps(finest)
         plan = Plan(
             program.numba_source,
             program.numpy_source,
             ground,
             self._start(roots),
-            self._steps(finest),
-            self._steps(grid) if paired else none,
+            fine,
+            self._steps(grid) if paired else StepTables(fine.S[:0], fine.E[:0], fine.K[:0], fine.H[:0], fine.q, fine.T),
             self._outputs(finest),
             purposes=2 + len({c.track for c in self.system.copies}),
         )
@@ -157,16 +157,16 @@ class Problem:
         setbacks = {float(evaluate(c.setback, self.values)) for c in self.system.copies}
         return self.motion.times_at([e + L for e in edges for L in setbacks])
 
-    def _steps(self, grid: Grid, part: slice = slice(None)) -> StepTables:
+    def _steps(self, grid: Grid) -> StepTables:
         program = self.program
         runs = [grid.run_values(end) for end in (False, True)]
-        ends = [self._at(program.coefficients, {**run, **self._gains(run[TIME])})[part] for run in runs]
-        kicks = [self._noise(run)[part] for run in runs]
+        ends = [self._at(program.coefficients, {**run, **self._gains(run[TIME])}) for run in runs]
+        kicks = [self._noise(run) for run in runs]
         return StepTables(
             S=np.ascontiguousarray(ends[0]),
             E=np.ascontiguousarray(ends[1]),
             K=np.ascontiguousarray(0.5 * (kicks[0] + kicks[1])),
-            H=np.ascontiguousarray(grid.step[part]),
+            H=np.ascontiguousarray(grid.step),
             q=numeric(program.constants, self.values, self.elements),
             T=program.table,
         )

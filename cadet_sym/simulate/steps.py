@@ -9,9 +9,9 @@ from time import perf_counter
 
 import numpy as np
 
-from cadet_sym.simulate.control import control_tallies, controlled_step
+from cadet_sym.simulate.control import Reference, control_tallies, controlled_step, reference_of
 from cadet_sym.simulate.plan import Problem
-from cadet_sym.simulate.statistics import Moments, StepError, moments_of, step_error_of
+from cadet_sym.simulate.statistics import Moments, StepError, step_error_of
 from cadet_sym.simulate.workers import records_in_parts, records_of
 
 __all__ = ["Chosen", "Precision", "choose_step"]
@@ -51,7 +51,7 @@ class Chosen:
     step: float
     run_in: float
     error: StepError | None = None
-    reference: Moments | None = None  # of the paths that showed the error
+    reference: Reference | None = None  # from the paths that showed the error
     reached: bool = True  # whether the error is small beside the sampling error
     seconds: Mapping[str, float] = field(default_factory=dict)
 
@@ -91,7 +91,7 @@ def choose_step(
     # Where a shorter step makes pairs no closer, the longest will do whose error does not show.
     best = next((trial for trial in trials if min(trial.excess, trial.bias) <= 1.0), last) if no_better else last
     seconds["step"] = perf_counter() - began
-    return Chosen(best.step, before, best.error, best.moments, min(best.excess, best.bias) <= 1.0, seconds)
+    return Chosen(best.step, before, best.error, best.reference, min(best.excess, best.bias) <= 1.0, seconds)
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ class _Trial:
 
     step: float
     error: StepError
-    moments: Moments
+    reference: Reference
     excess: float
     bias: float
 
@@ -109,15 +109,17 @@ def _try(problem: Problem, step: float, before: float, engine: str, seed: int, p
     plan, grid = problem.plan(step, before, paired=True)
     records = records_in_parts(plan, engine, seed, pairs)
     fine, coarse = (each[:, : problem.quantities] for each in records)
-    error, moments = step_error_of(coarse, fine), moments_of(fine, len(problem.system.states))
+    with np.errstate(over="ignore", invalid="ignore"):
+        error, reference = step_error_of(coarse, fine), reference_of(problem, records[0])
+    moments = reference.moments
     if error.paths < 0.5 * pairs or _wild(fine) or _wild(coarse):
-        return _Trial(float(grid.step.max()), error, moments, math.inf, math.inf)
+        return _Trial(float(grid.step.max()), error, reference, math.inf, math.inf)
     spread = math.sqrt(pairs) * np.stack([moments.mean_standard_error, moments.variance_standard_error])
-    controls = control_tallies(problem, moments)
+    controls = control_tallies(problem, reference)
     if controls:
         error, spread = controlled_step(controls, records[1], records[0], error, spread)
     allowed = _PART * precision.sampling(spread, moments.variance)
-    return _Trial(float(grid.step.max()), error, moments, *_excess(problem, error, moments, allowed))
+    return _Trial(float(grid.step.max()), error, reference, *_excess(problem, error, moments, allowed))
 
 
 def _wild(records: np.ndarray) -> bool:
