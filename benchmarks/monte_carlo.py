@@ -18,8 +18,8 @@ import numpy as np
 import sympy as sp
 
 import cadet_sym as cs
-from cadet_sym.simulate.plan import Problem
-from cadet_sym.simulate.workers import run_groups
+from cadet_sym.simulation.plan import Problem
+from cadet_sym.simulation.workers import run_groups
 
 W_N, ZETA, GAMMA, R, ACCELERATION, ALPHA, BETA, END = 10.0, 0.01, 0.1, 0.1, 8.0, 0.2, 2.0, 10.0
 

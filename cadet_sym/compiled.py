@@ -13,12 +13,12 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from cadet_sym.augment import augment
+from cadet_sym.augmentation import augment
 from cadet_sym.delay import CHOICES
 from cadet_sym.errors import ModelError, SolverError
 from cadet_sym.language.model import Model
 from cadet_sym.language.modelfile import load
-from cadet_sym.linearise import linearise
+from cadet_sym.linearisation import linearise
 from cadet_sym.lowering.initial import filter_matrices, initial_moments, vehicle_start
 from cadet_sym.lowering.system import LoweredSystem, lower
 from cadet_sym.moments import MomentEquations, moment_equations

@@ -18,10 +18,10 @@ from cadet_sym.compiled import CompiledModel
 from cadet_sym.compiled import compile as compile_model
 from cadet_sym.errors import ModelError
 from cadet_sym.language.model import Model
-from cadet_sym.simulate import Ensemble, simulate
-from cadet_sym.simulate.arguments import output_times
-from cadet_sym.simulate.plan import Problem
-from cadet_sym.simulate.twin import Twin
+from cadet_sym.simulation import Ensemble, simulate
+from cadet_sym.simulation.arguments import output_times
+from cadet_sym.simulation.plan import Problem
+from cadet_sym.simulation.twin import Twin
 
 __all__ = ["controlled_simulation", "twin_of"]
 

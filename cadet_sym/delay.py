@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 import sympy as sp
 
-from cadet_sym.augment import AugmentedSystem
+from cadet_sym.augmentation import AugmentedSystem
 from cadet_sym.errors import ModelError
 
 __all__ = [

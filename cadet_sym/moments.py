@@ -19,7 +19,7 @@ import sympy as sp
 
 from cadet_sym.delay import DelayGrid, delay_grid
 from cadet_sym.language.expression import SPEED, symbol
-from cadet_sym.linearise import QuasiLinearSystem
+from cadet_sym.linearisation import QuasiLinearSystem
 
 __all__ = ["MomentEquations", "Packing", "gate_symbol", "moment_equations"]
 

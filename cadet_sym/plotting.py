@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from cadet_sym.simulate import Ensemble
+    from cadet_sym.simulation import Ensemble
 
 __all__ = ["moments_figure", "save_figure", "sweep_figure"]
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from reference_models import oleo, oscillator, toml
 
-from cadet_sym.augment import augment
+from cadet_sym.augmentation import augment
 from cadet_sym.errors import ModelError, SolverError
-from cadet_sym.simulate import Ensemble, simulate
-from cadet_sym.simulate.plan import Problem
-from cadet_sym.simulate.statistics import moments_of, step_error_of
-from cadet_sym.simulate.workers import group_size, records_of
+from cadet_sym.simulation import Ensemble, simulate
+from cadet_sym.simulation.plan import Problem
+from cadet_sym.simulation.statistics import moments_of, step_error_of
+from cadet_sym.simulation.workers import group_size, records_of
 
 TIMES = [0.0, 0.5, 1.5, 2.0]
 HALF_CAR = """
@@ -77,7 +77,7 @@ def test_a_pair_is_the_two_runs_it_stands_for():
 
 def test_two_programs_never_share_a_name():
     """Machine code is found by the names of functions, also where it was compiled by another process."""
-    fast = pytest.importorskip("cadet_sym.simulate.fast")
+    fast = pytest.importorskip("cadet_sym.simulation.fast")
     programs = [Problem(augment(m), np.array([1.0])).program for m in (oleo("R43C"), toml(HALF_CAR))]
     pairs = [fast.compile_program(program.numba_source) for program in programs]
     assert len({function.__name__ for pair in pairs for function in pair}) == 4

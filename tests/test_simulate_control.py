@@ -9,13 +9,13 @@ import pytest
 from reference_models import oleo, oscillator, toml, value
 
 import cadet_sym as cs
-from cadet_sym.augment import augment
+from cadet_sym.augmentation import augment
 from cadet_sym.controlled import controlled_simulation, twin_of
 from cadet_sym.errors import ModelError, SolverError
-from cadet_sym.simulate import simulate
-from cadet_sym.simulate.plan import Problem
-from cadet_sym.simulate.riders import CrossingRider
-from cadet_sym.simulate.workers import records_of
+from cadet_sym.simulation import simulate
+from cadet_sym.simulation.plan import Problem
+from cadet_sym.simulation.riders import CrossingRider
+from cadet_sym.simulation.workers import records_of
 
 
 @pytest.fixture(scope="module")

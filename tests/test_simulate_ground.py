@@ -9,11 +9,11 @@ import pytest
 from reference_models import toml
 from scipy.linalg import expm, solve_continuous_lyapunov
 
-from cadet_sym.augment import augment
+from cadet_sym.augmentation import augment
 from cadet_sym.errors import ModelError
-from cadet_sym.simulate.ground import covariance_factor, exact_law, stationary_covariance
-from cadet_sym.simulate.plan import Problem
-from cadet_sym.simulate.workers import records_of
+from cadet_sym.simulation.ground import covariance_factor, exact_law, stationary_covariance
+from cadet_sym.simulation.plan import Problem
+from cadet_sym.simulation.workers import records_of
 
 C = np.array([[0.0, 1.0], [-0.4, -2.2]])
 G = np.diag([0.0, 1.6])

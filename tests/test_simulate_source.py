@@ -7,13 +7,13 @@ import pytest
 import sympy as sp
 from reference_models import toml
 
-from cadet_sym.augment import augment
+from cadet_sym.augmentation import augment
 from cadet_sym.errors import ModelError
 from cadet_sym.language.expression import Lookup, evaluate, symbol
-from cadet_sym.simulate.plan import Problem
-from cadet_sym.simulate.program import numeric, write_program
-from cadet_sym.simulate.source import CALLS, FOLDS, Emitter, Shared
-from cadet_sym.simulate.workers import records_of
+from cadet_sym.simulation.plan import Problem
+from cadet_sym.simulation.program import numeric, write_program
+from cadet_sym.simulation.source import CALLS, FOLDS, Emitter, Shared
+from cadet_sym.simulation.workers import records_of
 
 EXPRESSIONS = [
     "abs(x) + sign(y) - sqrt(abs(x*y))",
@@ -98,7 +98,7 @@ def test_the_expressions_use_every_row_of_the_tables(system):
 @pytest.mark.parametrize("outside", ["extrapolate", "hold"])
 @pytest.mark.parametrize("method", ["linear", "monotone"])
 def test_measured_curves_are_searched(engine, outside, method):
-    from cadet_sym.simulate import curves
+    from cadet_sym.simulation import curves
 
     z = symbol("z")
     rows = [(-2, 1), (-1, -1), (0, 0), (sp.Rational(1, 2), 3), (2, 3), (4, 7)]
@@ -109,7 +109,7 @@ def test_measured_curves_are_searched(engine, outside, method):
     if engine == "numpy":
         found = curves.lookup(at, table, 3, len(rows))
     else:
-        fast = pytest.importorskip("cadet_sym.simulate.fast")
+        fast = pytest.importorskip("cadet_sym.simulation.fast")
         found = [fast.NAMESPACE["lookup"](float(a), table, 3, len(rows)) for a in at]
     assert np.allclose(found, evaluate(curve, {z: at}), rtol=1e-13, atol=1e-13)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from cadet_sym.simulate.streams import HEIGHT, TAIL, WIDTH, Streams, ziggurat
+from cadet_sym.simulation.streams import HEIGHT, TAIL, WIDTH, Streams, ziggurat
 
 
 def test_layers_have_equal_area_and_end_at_the_top():
@@ -48,7 +48,7 @@ def test_a_draw_belongs_to_its_path_and_number():
 
 
 def test_compiled_draws_are_the_same_numbers():
-    fast = pytest.importorskip("cadet_sym.simulate.fast")
+    fast = pytest.importorskip("cadet_sym.simulation.fast")
     streams = Streams.of(seed=5, first=0, count=fast.LANES, purpose=0)
     state, out = streams.state.copy(), np.zeros(3000 * fast.LANES)
     fast._draw(state, streams.gamma, out, 0, 3000, np.zeros(fast.LANES, np.uint64), np.zeros(fast.LANES + 1, np.int64))

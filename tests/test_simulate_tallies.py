@@ -8,7 +8,7 @@ from reference_models import oscillator, toml
 from scipy import stats
 
 from cadet_sym.errors import ModelError
-from cadet_sym.simulate import simulate
+from cadet_sym.simulation import simulate
 
 # A lightly damped oscillator, stationary from the start: var x = 1, var v = 4.
 STATIONARY = toml(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from reference_models import oleo, oscillator, params, toml, value
 
-from cadet_sym.simulate import Ensemble, simulate
+from cadet_sym.simulation import Ensemble, simulate
 
 SEVERAL = 4.0  # standard errors
 

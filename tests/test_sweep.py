@@ -10,7 +10,7 @@ from reference_models import toml
 
 import cadet_sym as cs
 from cadet_sym.errors import ModelError
-from cadet_sym.sweep import sweep
+from cadet_sym.sweeps import sweep
 
 MODEL = """
 name = "oscillator"

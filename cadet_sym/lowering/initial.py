@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 import sympy as sp
 
-from cadet_sym.augment import AugmentedSystem, FilterCopy
+from cadet_sym.augmentation import AugmentedSystem, FilterCopy
 from cadet_sym.delay import Gap, TrackDelay, radau
 from cadet_sym.language.expression import DISTANCE, SPEED, SPEED_RATE, TIME
 from cadet_sym.lowering.expressions import to_casadi

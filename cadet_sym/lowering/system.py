@@ -15,7 +15,7 @@ import casadi as ca
 import sympy as sp
 
 from cadet_sym.language.expression import DISTANCE, SPEED, SPEED_RATE, TIME, symbol
-from cadet_sym.linearise import LinearForm, Nonlinearity, OutputForm
+from cadet_sym.linearisation import LinearForm, Nonlinearity, OutputForm
 from cadet_sym.lowering.delay import delay_rates
 from cadet_sym.lowering.elements import element_function
 from cadet_sym.lowering.expressions import to_casadi

@@ -24,7 +24,7 @@ from cadet_sym.tables import plain
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from cadet_sym.simulate import Ensemble
+    from cadet_sym.simulation import Ensemble
 
 __all__ = ["Comparison", "Verdict", "compare"]
 

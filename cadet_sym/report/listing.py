@@ -9,11 +9,11 @@ from typing import Any
 
 import sympy as sp
 
-from cadet_sym.augment import AugmentedSystem, NoiseSource
+from cadet_sym.augmentation import AugmentedSystem, NoiseSource
 from cadet_sym.expectation import DescribingFunction
 from cadet_sym.expectation.formula import tidy
 from cadet_sym.language.expression import SPEED, unparse
-from cadet_sym.linearise import Nonlinearity
+from cadet_sym.linearisation import Nonlinearity
 from cadet_sym.moments import MomentEquations
 
 __all__ = ["Listing"]

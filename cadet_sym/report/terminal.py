@@ -15,7 +15,7 @@ from cadet_sym.report.comparison import Comparison, rounded
 from cadet_sym.results import MomentHistory, StationaryMoments, StationarySweep, provenance_line
 
 if TYPE_CHECKING:
-    from cadet_sym.simulate import Ensemble
+    from cadet_sym.simulation import Ensemble
 
 __all__ = [
     "comparison_table",

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from cadet_sym.augment import FilterCopy
+from cadet_sym.augmentation import FilterCopy
 from cadet_sym.language.expression import DISTANCE
 from cadet_sym.lowering.expressions import to_casadi
 from cadet_sym.lowering.initial import filter_matrices, vehicle_start

@@ -14,20 +14,20 @@ from typing import Any, Literal
 
 import numpy as np
 
-from cadet_sym.augment import AugmentedSystem, augment
+from cadet_sym.augmentation import AugmentedSystem, augment
 from cadet_sym.errors import SolverError
 from cadet_sym.language.model import Model
-from cadet_sym.simulate.arguments import check_numbers, choose_engine, increasing, output_times, places_of
-from cadet_sym.simulate.collect import Collected, Goal, collect, estimates_of
-from cadet_sym.simulate.control import Reference, reference_of
-from cadet_sym.simulate.demands import Demands
-from cadet_sym.simulate.ensemble import Ensemble
-from cadet_sym.simulate.plan import Plan, Problem
-from cadet_sym.simulate.riders import CrossingRider
-from cadet_sym.simulate.statistics import interval_factor
-from cadet_sym.simulate.steps import Chosen, Precision, choose_step
-from cadet_sym.simulate.twin import Twin
-from cadet_sym.simulate.workers import Task, records_in_parts
+from cadet_sym.simulation.arguments import check_numbers, choose_engine, increasing, output_times, places_of
+from cadet_sym.simulation.collect import Collected, Goal, collect, estimates_of
+from cadet_sym.simulation.control import Reference, reference_of
+from cadet_sym.simulation.demands import Demands
+from cadet_sym.simulation.ensemble import Ensemble
+from cadet_sym.simulation.plan import Plan, Problem
+from cadet_sym.simulation.riders import CrossingRider
+from cadet_sym.simulation.statistics import interval_factor
+from cadet_sym.simulation.steps import Chosen, Precision, choose_step
+from cadet_sym.simulation.twin import Twin
+from cadet_sym.simulation.workers import Task, records_in_parts
 
 __all__ = ["simulate"]
 

@@ -4,7 +4,7 @@ Reading order: `engine` (what happens), `source` and `program` (the model as cod
 (everything that paths share), `streams`, `fast` and `plain` (the paths), `statistics` and `ensemble` (the result).
 """
 
-from cadet_sym.simulate.engine import simulate
-from cadet_sym.simulate.ensemble import Ensemble
+from cadet_sym.simulation.engine import simulate
+from cadet_sym.simulation.ensemble import Ensemble
 
 __all__ = ["Ensemble", "simulate"]

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from cadet_sym.simulate.tables import StartTables
+from cadet_sym.simulation.tables import StartTables
 
 __all__ = ["BASE", "GOLDEN", "HEIGHT", "MIX", "TAIL", "WIDTH", "Streams", "start_values", "ziggurat"]
 

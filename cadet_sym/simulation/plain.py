@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from cadet_sym.simulate.curves import lookup
-from cadet_sym.simulate.streams import Streams, start_values
-from cadet_sym.simulate.tables import GroundTables, OutputTables, StartTables, StepTables
+from cadet_sym.simulation.curves import lookup
+from cadet_sym.simulation.streams import Streams, start_values
+from cadet_sym.simulation.tables import GroundTables, OutputTables, StartTables, StepTables
 
 __all__ = ["run_paths"]
 
@@ -32,7 +32,7 @@ _NAMESPACE: dict[str, Any] = {
 @lru_cache(maxsize=64)
 def _program(source: str) -> tuple[Any, Any]:
     scope = dict(_NAMESPACE)
-    exec(compile(source, "<cadet_sym.simulate>", "exec"), scope)
+    exec(compile(source, "<cadet_sym.simulation>", "exec"), scope)
     return scope["advance"], scope["record"]
 
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from cadet_sym.augment import AugmentedSystem, FilterCopy
+from cadet_sym.augmentation import AugmentedSystem, FilterCopy
 from cadet_sym.language.expression import DISTANCE, SPEED, ElementCall, der
 
 __all__ = ["Kick", "Separated", "separate_kicks"]

@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from cadet_sym.augment import AugmentedSystem
+from cadet_sym.augmentation import AugmentedSystem
 from cadet_sym.errors import ModelError
 from cadet_sym.language.expression import SPEED, TIME, evaluate
-from cadet_sym.simulate.grid import Grid, Motion, make_grid
-from cadet_sym.simulate.ground import covariance_factor, ground_tables
-from cadet_sym.simulate.program import Program, numeric, write_program
-from cadet_sym.simulate.riders import TwinRider
-from cadet_sym.simulate.source import RUN_SYMBOLS
-from cadet_sym.simulate.step import Rider
-from cadet_sym.simulate.tables import GroundTables, OutputTables, StartTables, StepTables
-from cadet_sym.simulate.twin import Twin
+from cadet_sym.simulation.grid import Grid, Motion, make_grid
+from cadet_sym.simulation.ground import covariance_factor, ground_tables
+from cadet_sym.simulation.program import Program, numeric, write_program
+from cadet_sym.simulation.riders import TwinRider
+from cadet_sym.simulation.source import RUN_SYMBOLS
+from cadet_sym.simulation.step import Rider
+from cadet_sym.simulation.tables import GroundTables, OutputTables, StartTables, StepTables
+from cadet_sym.simulation.twin import Twin
 
 __all__ = ["Plan", "Problem"]
 

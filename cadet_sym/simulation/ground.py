@@ -18,11 +18,11 @@ from dataclasses import dataclass
 import numpy as np
 import sympy as sp
 
-from cadet_sym.augment import AugmentedSystem, FilterCopy
+from cadet_sym.augmentation import AugmentedSystem, FilterCopy
 from cadet_sym.errors import ModelError
 from cadet_sym.language.expression import DISTANCE, evaluate
-from cadet_sym.simulate.grid import Grid
-from cadet_sym.simulate.tables import GroundTables
+from cadet_sym.simulation.grid import Grid
+from cadet_sym.simulation.tables import GroundTables
 
 __all__ = ["covariance_factor", "exact_law", "ground_tables", "stationary_covariance"]
 

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 
 from cadet_sym.errors import ModelError
-from cadet_sym.simulate.arguments import increasing, places_of
-from cadet_sym.simulate.collect import Collected
-from cadet_sym.simulate.control import ControlTally, Reference, control_tallies
-from cadet_sym.simulate.plan import Problem
-from cadet_sym.simulate.riders import CrossingRider
-from cadet_sym.simulate.statistics import Moments
-from cadet_sym.simulate.steps import Chosen
-from cadet_sym.simulate.tallies import AverageTally, CrossingTally, HistogramTally, Tally
+from cadet_sym.simulation.arguments import increasing, places_of
+from cadet_sym.simulation.collect import Collected
+from cadet_sym.simulation.control import ControlTally, Reference, control_tallies
+from cadet_sym.simulation.plan import Problem
+from cadet_sym.simulation.riders import CrossingRider
+from cadet_sym.simulation.statistics import Moments
+from cadet_sym.simulation.steps import Chosen
+from cadet_sym.simulation.tallies import AverageTally, CrossingTally, HistogramTally, Tally
 
 __all__ = ["Demands"]
 

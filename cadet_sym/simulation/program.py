@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from cadet_sym.augment import AugmentedSystem
+from cadet_sym.augmentation import AugmentedSystem
 from cadet_sym.language.expression import ElementCall, evaluate
-from cadet_sym.simulate.kicks import Kick
-from cadet_sym.simulate.source import Emitter, Shared
-from cadet_sym.simulate.step import LANES, Layout, Rider, StepBody
+from cadet_sym.simulation.kicks import Kick
+from cadet_sym.simulation.source import Emitter, Shared
+from cadet_sym.simulation.step import LANES, Layout, Rider, StepBody
 
 __all__ = ["LANES", "Program", "numeric", "write_program"]
 

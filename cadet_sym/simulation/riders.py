@@ -20,9 +20,9 @@ from dataclasses import dataclass, field
 
 import sympy as sp
 
-from cadet_sym.augment import AugmentedSystem
+from cadet_sym.augmentation import AugmentedSystem
 from cadet_sym.language.expression import ElementCall
-from cadet_sym.simulate.step import Layout, StepBody
+from cadet_sym.simulation.step import Layout, StepBody
 
 __all__ = ["CrossingRider", "TwinRider", "is_affine"]
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import sympy as sp
 from sympy.core.relational import Relational
 
-from cadet_sym.augment import AugmentedSystem
+from cadet_sym.augmentation import AugmentedSystem
 from cadet_sym.errors import LinearisationError
 from cadet_sym.expectation import DescribingFunction, describing_function
 from cadet_sym.language.element import Element

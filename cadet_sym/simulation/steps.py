@@ -9,10 +9,10 @@ from time import perf_counter
 
 import numpy as np
 
-from cadet_sym.simulate.control import Reference, control_tallies, controlled_step, reference_of
-from cadet_sym.simulate.plan import Problem
-from cadet_sym.simulate.statistics import Moments, StepError, step_error_of
-from cadet_sym.simulate.workers import records_in_parts, records_of
+from cadet_sym.simulation.control import Reference, control_tallies, controlled_step, reference_of
+from cadet_sym.simulation.plan import Problem
+from cadet_sym.simulation.statistics import Moments, StepError, step_error_of
+from cadet_sym.simulation.workers import records_in_parts, records_of
 
 __all__ = ["Chosen", "Precision", "choose_step"]
 

@@ -22,10 +22,10 @@ from dataclasses import dataclass
 import numpy as np
 import sympy as sp
 
-from cadet_sym.simulate.plan import Problem
-from cadet_sym.simulate.program import numeric
-from cadet_sym.simulate.riders import is_affine
-from cadet_sym.simulate.statistics import Moments, StepError, alive, moments_of
+from cadet_sym.simulation.plan import Problem
+from cadet_sym.simulation.program import numeric
+from cadet_sym.simulation.riders import is_affine
+from cadet_sym.simulation.statistics import Moments, StepError, alive, moments_of
 
 __all__ = ["ControlTally", "Controlled", "Reference", "control_tallies", "controlled_step", "reference_of"]
 

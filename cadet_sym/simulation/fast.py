@@ -19,10 +19,10 @@ import numpy as np
 from numba import types
 from numba.core import config
 
-from cadet_sym.simulate.curves import PIECE
-from cadet_sym.simulate.step import LANES
-from cadet_sym.simulate.streams import BASE, GOLDEN, HEIGHT, MIX, TAIL, WIDTH, Streams, start_values
-from cadet_sym.simulate.tables import GroundTables, OutputTables, StartTables, StepTables
+from cadet_sym.simulation.curves import PIECE
+from cadet_sym.simulation.step import LANES
+from cadet_sym.simulation.streams import BASE, GOLDEN, HEIGHT, MIX, TAIL, WIDTH, Streams, start_values
+from cadet_sym.simulation.tables import GroundTables, OutputTables, StartTables, StepTables
 
 __all__ = ["compile_program", "run_paths"]
 
@@ -317,7 +317,7 @@ def compile_program(source: str) -> tuple[Any, Any]:
         source = source.replace(f"def {name}(", f"def {name}_{digest}(")
     place = _file_for(source, digest)
     scope = {**NAMESPACE, "__name__": __name__}
-    exec(compile(source, place or "<cadet_sym.simulate>", "exec"), scope)
+    exec(compile(source, place or "<cadet_sym.simulation>", "exec"), scope)
     options = {**_OPTIONS, "cache": place is not None}
     advance, record = (
         numba.njit(signature, **options)(scope[f"{name}_{digest}"])

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from cadet_sym.augment import AugmentedSystem
-from cadet_sym.simulate.kicks import separate_kicks
-from cadet_sym.simulate.source import Emitter, Shared
+from cadet_sym.augmentation import AugmentedSystem
+from cadet_sym.simulation.kicks import separate_kicks
+from cadet_sym.simulation.source import Emitter, Shared
 
 __all__ = ["LANES", "Layout", "Rider", "StepBody"]
 

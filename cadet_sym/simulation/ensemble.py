@@ -11,8 +11,8 @@ import numpy as np
 
 from cadet_sym.errors import ModelError
 from cadet_sym.labelled import Labelled, LabelledCovariance
-from cadet_sym.simulate.statistics import Estimates, Moments, StepError, interval_factor
-from cadet_sym.simulate.tallies import Crossings, Histogram, TimeAverage
+from cadet_sym.simulation.statistics import Estimates, Moments, StepError, interval_factor
+from cadet_sym.simulation.tallies import Crossings, Histogram, TimeAverage
 
 if TYPE_CHECKING:
     import xarray as xr

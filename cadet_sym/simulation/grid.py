@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from cadet_sym.augment import AugmentedSystem
+from cadet_sym.augmentation import AugmentedSystem
 from cadet_sym.errors import ModelError
 from cadet_sym.language.expression import DISTANCE, SPEED, SPEED_RATE, TIME, evaluate
 

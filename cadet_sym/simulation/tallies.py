@@ -11,7 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
-from cadet_sym.simulate.statistics import alive
+from cadet_sym.simulation.statistics import alive
 
 __all__ = ["AverageTally", "CrossingTally", "Crossings", "Histogram", "HistogramTally", "Tally", "TimeAverage"]
 

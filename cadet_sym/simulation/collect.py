@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from cadet_sym.simulate.control import Controlled, ControlTally
-from cadet_sym.simulate.statistics import Estimates, Moments
-from cadet_sym.simulate.workers import GroupResult, Task, run_groups
+from cadet_sym.simulation.control import Controlled, ControlTally
+from cadet_sym.simulation.statistics import Estimates, Moments
+from cadet_sym.simulation.workers import GroupResult, Task, run_groups
 
 __all__ = ["Collected", "Goal", "collect"]
 

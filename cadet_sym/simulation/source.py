@@ -20,7 +20,7 @@ from sympy.logic.boolalg import Boolean, BooleanAtom
 from cadet_sym.errors import ModelError
 from cadet_sym.language.expression import DISTANCE, SPEED, SPEED_RATE, TIME, ElementCall, Lookup
 from cadet_sym.language.numeric import quotient
-from cadet_sym.simulate.curves import curve_table
+from cadet_sym.simulation.curves import curve_table
 
 __all__ = ["RUN_SYMBOLS", "Emitter", "Shared"]
 

@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from cadet_sym.simulate.plan import Plan
-from cadet_sym.simulate.statistics import Moments, alive, moments_of
-from cadet_sym.simulate.streams import Streams
-from cadet_sym.simulate.tallies import Tally
+from cadet_sym.simulation.plan import Plan
+from cadet_sym.simulation.statistics import Moments, alive, moments_of
+from cadet_sym.simulation.streams import Streams
+from cadet_sym.simulation.tallies import Tally
 
 __all__ = ["GroupResult", "Task", "group_size", "records_in_parts", "records_of", "run_groups"]
 
@@ -74,10 +74,10 @@ def records_of(plan: Plan, engine: str, seed: int, first: int, count: int) -> tu
     streams = [Streams.of(seed, first, count, purpose) for purpose in range(plan.purposes)]
     tables = (plan.ground, plan.start, plan.fine, plan.coarse, plan.out)
     if engine == "numpy":
-        from cadet_sym.simulate import plain
+        from cadet_sym.simulation import plain
 
         return plain.run_paths(plan.numpy_source, *tables, streams)
-    from cadet_sym.simulate import fast
+    from cadet_sym.simulation import fast
 
     return fast.run_paths(plan.numba_source, *tables, streams)
 
