@@ -17,6 +17,7 @@ from .language.ground import Ground as Ground
 from .language.ground import ShapingFilter as ShapingFilter
 from .language.ground import exponential as exponential
 from .language.ground import shaping_filter as shaping_filter
+from .language.library import from_library as from_library
 from .language.model import Initial as Initial
 from .language.model import Model as Model
 from .language.model import Noise as Noise
@@ -28,6 +29,8 @@ from .language.vehicle import Contact as Contact
 from .language.vehicle import Vehicle as Vehicle
 from .linearisation import QuasiLinearSystem as QuasiLinearSystem
 from .linearisation import linearise as linearise
+from .lowering.check import ElementCheck as ElementCheck
+from .lowering.check import check as check
 from .moments import MomentEquations as MomentEquations
 from .moments import moment_equations as moment_equations
 from .report import Comparison as Comparison

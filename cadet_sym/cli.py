@@ -179,13 +179,16 @@ def show(
     model: ModelPath,
     settings: Settings = None,
     latex: Annotated[bool, typer.Option("--latex", help="Print LaTeX.")] = False,
+    check: Annotated[
+        bool, typer.Option("--check", help="Hold every describing function against adaptive integration.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Print the augmented equations, the describing functions and how each was obtained."""
     from cadet_sym.report.listing import Listing
 
     with _computing():
-        listing = Listing(cs.moment_equations(cs.linearise(cs.augment(_load(model, settings)))))
+        listing = Listing(cs.moment_equations(cs.linearise(cs.augment(_load(model, settings)))), checked=check)
         content = listing.to_dict() if as_json else None
         text = listing.latex() if latex else "\n".join(listing.lines())
     if content is not None:

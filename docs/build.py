@@ -1,4 +1,4 @@
-"""Write the gallery of the models that ship, page and figures: ``make docs``."""
+"""Write the gallery of the models that ship, page and figures, and the page of the elements: ``make docs``."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from itertools import takewhile
 from pathlib import Path
 
 import cadet_sym as cs
+from cadet_sym.language.library import LIBRARY, Kind
 
 DOCS = Path(__file__).resolve().parent
 MODELS = sorted((DOCS.parent / "models").glob("*.toml"))
@@ -17,6 +18,23 @@ HEAD = """# The models that ship
 One file each in `models/`, ready to run. The numbers are CADET's at the end of the run; in the figures lines
 are CADET, points are {paths} simulated paths of the original nonlinear model with 99 % limits. This page is
 written by `make docs`.
+"""
+
+ELEMENTS = """# The library of elements
+
+Nonlinearities by the names of the field, to be used in a model file,
+
+```toml
+[elements.seal]
+library = "coulomb"
+force = "F_c"
+```
+
+or in Python, `cs.from_library("coulomb", "seal", force="F_c")`. Each is an expression in the language of the model
+file, printed here, so that the next one can be written like it. Coefficients are numbers or expressions in parameters
+and `t`. Displacements and speeds are positive in extension (rebound); values are forces that act against them, so that
+they enter a rate with a minus sign. `cadet-sym show MODEL --check` holds the describing functions of a model against
+adaptive integration. This page is written by `make docs`.
 """
 
 
@@ -62,6 +80,26 @@ def page() -> str:
     return HEAD.format(paths=PATHS) + "".join(map(section, MODELS))
 
 
+def elements_page() -> str:
+    """The library of elements as markdown."""
+    return ELEMENTS + "".join(map(element_section, LIBRARY.values()))
+
+
+def element_section(kind: Kind) -> str:
+    """One kind: what it is for, how it is declared, its expression."""
+    keys = "\n".join(f"    {key} = {default or '...'}" for key, default in kind.coefficients.items())
+    return f"""
+## {kind.name}
+
+{kind.text}
+
+    library = "{kind.name}"
+{keys}
+
+    {kind.name}({", ".join(kind.arguments)}) = {kind.value}
+"""
+
+
 def draw(path: Path) -> None:
     """Simulate one model and draw it."""
     model = cs.load(path)
@@ -77,5 +115,6 @@ def draw(path: Path) -> None:
 
 if __name__ == "__main__":
     (DOCS / "gallery.md").write_text(page(), encoding="utf-8")
+    (DOCS / "elements.md").write_text(elements_page(), encoding="utf-8")
     for each in MODELS:
         draw(each)

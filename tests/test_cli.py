@@ -69,6 +69,14 @@ def test_moments_prints_a_table_for_every_model(model_file, run):
     assert "variance" in out
 
 
+def test_show_holds_elements_against_adaptive_integration(run, run_json):
+    (element,) = run_json("show", OLEO, "--check")["describing_functions"]
+    assert max(element["check"].values()) < 1e-9
+    status, text, _ = run("show", OLEO, "--check")
+    assert status == 0
+    assert "25 cases against adaptive integration: largest error" in text
+
+
 def test_show_of_every_model(model_file, run, run_json):
     found = run_json("show", model_file)
     status, text, _ = run("show", model_file)

@@ -27,6 +27,10 @@ def test_the_gallery_is_up_to_date():
     np.testing.assert_allclose(*numbers, rtol=2e-3, atol=1e-9, err_msg="run `make docs`")
 
 
+def test_the_page_of_the_elements_is_up_to_date():
+    assert (ROOT / "docs" / "elements.md").read_text(encoding="utf-8") == builder().elements_page(), "run `make docs`"
+
+
 def test_every_model_that_ships_has_its_figure():
     assert SHIPPED
     for path in SHIPPED:

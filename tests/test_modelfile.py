@@ -619,3 +619,48 @@ def test_a_damaged_file_is_read_or_refused(data):
     except ModelError:
         return
     assert loads(model.to_toml()) == model
+
+
+# -- elements of the library ------------------------------------------------------------------------------------------
+
+FRICTION = """
+schema = 1
+name = "rubbing"
+[parameters]
+F = 2
+[elements.seal]
+library = "coulomb"
+force = "F/2"
+[rates]
+x = "v"
+v = "w - x - seal(v)"
+[noise]
+w = 1
+[run]
+duration = 1
+"""
+
+
+def test_an_element_of_the_library_is_the_expression_it_stands_for():
+    model = loads(FRICTION)
+    written = FRICTION.replace('library = "coulomb"\nforce = "F/2"', 'arguments = ["v"]\nvalue = "F*sign(v)/2"')
+    assert model == loads(written)
+    assert loads(model.to_toml()) == model
+    assert "friction" in model.vehicle.elements["seal"].text.lower()
+
+
+@pytest.mark.parametrize(
+    ("change", "wanted"),
+    [
+        (('"coulomb"', '"colomb"'), ["elements.seal", "library", "did you mean `coulomb`"]),
+        (('force = "F/2"', 'forze = "F/2"'), ["elements.seal", "forze", "did you mean `force`"]),
+        (('force = "F/2"', ""), ["elements.seal", "needs its coefficient `force`"]),
+        (('"F/2"', '"G/2"'), ["elements.seal", "force", "`G`"]),
+        (('"coulomb"', "3"), ["elements.seal", "library", "a text is wanted"]),
+        (("seal(v)", "seal(v, x)"), ["rates", "seal", "1 argument"]),
+    ],
+)
+def test_a_wrong_use_of_the_library_is_refused(change, wanted):
+    with pytest.raises(ModelError) as caught:
+        loads(FRICTION.replace(*change))
+    assert all(part in str(caught.value) for part in wanted), str(caught.value)

@@ -81,18 +81,29 @@ def _holds(chosen: Mapping[sp.Basic, sp.Expr], name: str) -> bool:
     return any(symbol(name) in value.free_symbols for value in chosen.values())
 
 
-def from_library(kind: str, name: str, coefficients: Mapping[str, Any]) -> Element:
-    """The element of that kind under a name of one's own.
+def from_library(kind: str, name: str = "", **coefficients: Any) -> Element:
+    """An element of the library, `from_library("coulomb", "seal", force="F_c")`, to be called in rates.
+
+    Parameters
+    ----------
+    kind : one of the names in `LIBRARY`.
+    name : of the element, in messages and listings; that of its kind if not given.
+    coefficients : numbers or expressions in parameters and `t`.
 
     Raises
     ------
     ModelError
         If there is no such kind, or its coefficients are others.
     """
+    return known_kind(kind)(name=name, **coefficients)
+
+
+def known_kind(kind: str) -> Kind:
+    """The kind of that name, or ModelError with the nearest ones."""
     if kind not in LIBRARY:
         near = did_you_mean(kind, list(LIBRARY)) or f"; known: {', '.join(LIBRARY)}"
         raise ModelError(f"there is no `{kind}` in the library of elements{near}", key="library")
-    return LIBRARY[kind](name=name, **coefficients)
+    return LIBRARY[kind]
 
 
 def _kind(name: str, arguments: str, coefficients: str, value: str, text: str) -> Kind:

@@ -6,6 +6,7 @@ import os
 import re
 import tomllib
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from cadet_sym.language.check import no_recursion
 from cadet_sym.language.element import Element, declared_arguments, declared_name
 from cadet_sym.language.entries import CURVE_KEYS, Entries, expression, noise_names, one_of, read_noise
 from cadet_sym.language.groundfile import read_ground
+from cadet_sym.language.library import Kind, known_kind
 from cadet_sym.language.measured import INTERPOLATION, OUTSIDE, csv_rows, inline_rows, make_curve, read_text
 from cadet_sym.language.model import Initial, Model, Parameter, Run
 from cadet_sym.language.places import Places
@@ -165,8 +167,13 @@ class _Document:
         ]
         elements = {}
         for name in names["element"]:
-            elements[name] = len(declared_arguments(name, self._element_entries(name).names("arguments")))
+            elements[name] = self._argument_count(name)
         return Places.declared(**names, elements=elements, travels=self.has("travel"))
+
+    def _argument_count(self, name: str) -> int:
+        if (kind := self._kind(name)) is not None:
+            return len(kind.arguments)
+        return len(declared_arguments(name, self._element_entries(name).names("arguments")))
 
     def _parameters(self) -> dict[str, Parameter]:
         table, scope = self.table("parameters"), self.places.parameter()
@@ -205,16 +212,43 @@ class _Document:
         )
         return Contact(setback, entries.get("track", str, "main"))
 
+    def _kind(self, name: str) -> Kind | None:
+        """The kind in the library that an element is declared by."""
+        entries = Entries(f"elements.{name}", self.table("elements").content[name])
+        if "library" not in entries.content:
+            return None
+        try:
+            return known_kind(entries.get("library", str))
+        except ModelError as error:
+            raise error.placed(table=entries.name) from None
+
+    def _element_of(self, kind: Kind, name: str) -> Element:
+        """An element of the library: its coefficients are keys beside `library`."""
+        entries = Entries(f"elements.{name}", self.table("elements").content[name])
+        entries.only(["library", *kind.coefficients, "text"])
+        scope = self.places.element(())
+        given = {key: entries.expression(key, scope) for key in entries.content if key in kind.coefficients}
+        try:
+            element = kind(name=name, **given)
+        except ModelError as error:
+            raise error.placed(table=entries.name) from None
+        return replace(element, text=entries.get("text", str, element.text))
+
     def _element_entries(self, name: str) -> Entries:
         entries = Entries(f"elements.{name}", self.table("elements").content[name])
         return entries.only(["arguments", "value", "text", "table", "outside", "interpolation", "columns", "units"])
 
     def _element(self, name: str) -> Element:
+        if (kind := self._kind(name)) is not None:
+            return self._element_of(kind, name)
         entries = self._element_entries(name)
         arguments, text = entries.names("arguments"), entries.get("text", str, "")
         if ("value" in entries.content) == ("table" in entries.content):
             what = "both" if "value" in entries.content else "neither"
-            raise ModelError(f"an element has either a `value` or a `table`, {what} given", table=entries.name)
+            raise ModelError(
+                f"an element is declared by a `value`, a `table` or a kind in the `library`; {what} of the first two given",
+                table=entries.name,
+            )
         if "value" in entries.content:
             return Element(name, arguments, entries.expression("value", self.places.element(arguments)), text)
         if len(arguments) != 1:

@@ -12,8 +12,9 @@ import sympy as sp
 from cadet_sym.augmentation import AugmentedSystem, NoiseSource
 from cadet_sym.expectation import DescribingFunction
 from cadet_sym.expectation.formula import tidy
-from cadet_sym.language.expression import SPEED, unparse
+from cadet_sym.language.expression import DISTANCE, SPEED, TIME, unparse
 from cadet_sym.linearisation import Nonlinearity
+from cadet_sym.lowering.check import ElementCheck, check
 from cadet_sym.moments import MomentEquations
 
 __all__ = ["Listing"]
@@ -24,6 +25,8 @@ class Listing:
     """The stages of one model, for reading: as text, LaTeX or plain data."""
 
     equations: MomentEquations
+    checked: bool = False
+    """Whether every nonlinearity is held against adaptive integration."""
 
     @property
     def system(self) -> AugmentedSystem:
@@ -48,6 +51,15 @@ class Listing:
             for i, (state, drift) in enumerate(zip(system.states, system.drift, strict=True))
         }
 
+    @cached_property
+    def checks(self) -> tuple[ElementCheck | None, ...]:
+        """What adaptive integration says of every nonlinearity, at t = s = 0 and speed 1 where it depends on them."""
+        if not self.checked:
+            return (None,) * len(self.elements)
+        start = {TIME.name: 0.0, DISTANCE.name: 0.0, SPEED.name: 1.0}
+        numbers = {**self.system.model.parameter_values(), **start}
+        return tuple(check(element.describing, numbers) for element in self.elements)
+
     def to_dict(self) -> dict[str, Any]:
         """What ``cadet-sym show --json`` prints: equations as text of the model language."""
         return {
@@ -57,12 +69,13 @@ class Listing:
             "intensity": [[unparse(value) for value in row] for row in self.system.intensity.tolist()],
             "outputs": {name: unparse(value) for name, value in self.system.outputs.items()},
             "speed": unparse(self.system.speed),
-            "describing_functions": [self._element(element) for element in self.elements],
+            "describing_functions": [*map(self._element, self.elements, self.checks)],
         }
 
-    def _element(self, element: Nonlinearity) -> dict[str, Any]:
+    def _element(self, element: Nonlinearity, checked: ElementCheck | None) -> dict[str, Any]:
         describing = element.describing
         expectation, gains = written_out(describing)
+        found = {} if checked is None else {"check": {"error": checked.error, "gain_error": checked.gain_error}}
         return {
             "name": element.name,
             "function": _text(describing.body),
@@ -72,6 +85,7 @@ class Listing:
             "method": describing.method,
             "nodes": describing.nodes,
             "error": describing.error,
+            **found,
         }
 
     def lines(self) -> Iterator[str]:
@@ -86,9 +100,11 @@ class Listing:
         if system.outputs:
             yield ""
             yield from (f"  {name} = {unparse(value)}" for name, value in system.outputs.items())
-        for element in self.elements:
+        for element, checked in zip(self.elements, self.checks, strict=True):
             yield ""
             yield from self._describe(element)
+            if checked is not None:
+                yield from (f"    {line}" for line in checked.findings())
 
     def _noises(self) -> Iterator[str]:
         """The intensity of every noise, and of every pair that is correlated at equal argument."""
