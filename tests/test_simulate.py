@@ -7,8 +7,10 @@ from multiprocessing import get_context
 
 import numpy as np
 import pytest
+from conftest import ROOT
 from reference_models import oleo, oscillator, toml
 
+import cadet_sym as cs
 from cadet_sym.augmentation import augment
 from cadet_sym.errors import ModelError, SolverError
 from cadet_sym.simulation import Ensemble, simulate
@@ -195,6 +197,21 @@ def test_a_step_that_is_too_long_is_told():
     unchecked = simulate(oleo("R41A"), 100, times=[1.0], step=0.1, check_step=False)
     assert unchecked.step_error is None
     assert np.isnan(unchecked.variance_step_error["x"]).all()
+
+
+def test_a_blow_that_few_paths_feel_asks_for_no_shorter_step():
+    """The force of a stop that hardly any path reaches is far from the others' with any step."""
+    run = simulate(cs.load(ROOT / "models" / "measured_road.toml"), 200)
+    assert run.step > 5e-4
+    assert run.notes == ()
+
+
+def test_the_choice_of_a_step_gives_up_on_a_model_that_diverges_by_itself():
+    model = toml('[rates]\nx = "x**3 - x"\n[initial.covariance]\n"x,x" = 0.25\n[run]\nduration = 12.0\npoints = 13')
+    with pytest.warns(RuntimeWarning, match="paths diverged"):
+        run = simulate(model, 500)
+    assert run.step > 1e-3
+    assert any("The error of the time step" in note for note in run.notes)
 
 
 def test_step_error_needs_pairs_that_stay_finite():

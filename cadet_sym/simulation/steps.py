@@ -24,6 +24,7 @@ _TRIALS = 8
 _HOPELESS = 1.4  # halving the step must shrink its error by this much, else pairs of paths do not stay together
 _STANDS_OUT = 4.0  # standard errors by which a step's error must differ from none to count as seen
 _RUNAWAY = 300.0  # times the deviation that one path in ten exceeds
+_TOGETHER = 0.5  # of its distance from the others: how far apart the two of a pair may be
 _SHORTEST = 1e-7  # of the run
 _FLOOR = 1e-4  # of a quantity's own size: an error that is not looked into, however many paths there are
 _RUN_IN = 7.0  # time constants of the slowest mode
@@ -82,7 +83,7 @@ def choose_step(
     while True:
         trials.append(_try(problem, step, before, engine, seed, pairs, precision))
         last = trials[-1]
-        no_better = len(trials) > 1 and last.excess > trials[-2].excess / _HOPELESS
+        no_better = len(trials) > 1 and last.is_no_better_than(trials[-2])
         enough = last.excess <= 1.0 or fixed or len(trials) == _TRIALS
         if enough or no_better or last.step < _SHORTEST * problem.times[-1]:
             break
@@ -103,6 +104,13 @@ class _Trial:
     reference: Reference
     excess: float
     bias: float
+    lost: int = 0  # pairs that run apart; where there are any, excess and bias are infinite
+
+    def is_no_better_than(self, longer: _Trial) -> bool:
+        """Whether a shorter step has brought little: a model whose own paths run away does so with any step."""
+        if self.lost and longer.lost:
+            return self.lost > longer.lost / _HOPELESS
+        return self.excess > longer.excess / _HOPELESS
 
 
 def _try(problem: Problem, step: float, before: float, engine: str, seed: int, pairs: int, precision: Precision) -> _Trial:
@@ -112,8 +120,10 @@ def _try(problem: Problem, step: float, before: float, engine: str, seed: int, p
     with np.errstate(over="ignore", invalid="ignore"):
         error, reference = step_error_of(coarse, fine), reference_of(problem, records[0])
     moments = reference.moments
-    if error.paths < 0.5 * pairs or _wild(fine) or _wild(coarse):
-        return _Trial(float(grid.step.max()), error, reference, math.inf, math.inf)
+    vehicle = problem.system.vehicle_size
+    lost = _running_apart(coarse[:, :vehicle], fine[:, :vehicle])
+    if lost:
+        return _Trial(float(grid.step.max()), error, reference, math.inf, math.inf, lost)
     spread = math.sqrt(pairs) * np.stack([moments.mean_standard_error, moments.variance_standard_error])
     controls = control_tallies(problem, reference)
     if controls:
@@ -122,12 +132,17 @@ def _try(problem: Problem, step: float, before: float, engine: str, seed: int, p
     return _Trial(float(grid.step.max()), error, reference, *_excess(problem, error, moments, allowed))
 
 
-def _wild(records: np.ndarray) -> bool:
-    """Whether some paths run away from the others, as they do where a step is too long for them."""
-    with np.errstate(invalid="ignore", over="ignore"):
-        away = np.abs(records - np.median(records, axis=2, keepdims=True))
-        usual = np.quantile(away, 0.9, axis=2)
-        return bool((away.max(axis=2) > _RUNAWAY * usual)[usual > 0.0].any() or not np.isfinite(usual).all())
+def _running_apart(coarse: np.ndarray, fine: np.ndarray) -> int:
+    """Pairs that run away from the other paths and from each other, as they do where a step is too long for them.
+
+    What is far from the others with either step alike, a rare blow of a stop, is the model's own.
+    """
+    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+        middle = np.median(fine, axis=2, keepdims=True)
+        away = np.maximum(np.abs(coarse - middle), np.abs(fine - middle))
+        usual = np.fmax.accumulate(np.quantile(away, 0.9, axis=2, keepdims=True))
+        near = (away <= _RUNAWAY * usual) | (np.abs(coarse - fine) <= _TOGETHER * away) | (usual == 0.0)
+    return int(np.count_nonzero(~(near & np.isfinite(coarse) & np.isfinite(fine)).all(axis=(0, 1))))
 
 
 def _compile(problem: Problem, step: float, before: float, engine: str) -> float:
