@@ -14,7 +14,8 @@ Read it in the order in which a model passes through it:
     moments.py       QuasiLinearSystem -> MomentEquations: mu' and P'
     lowering/        MomentEquations -> CasADi functions
     solve/           integrate them, find their fixed points
-    compiled.py      all of the above in one: what `compile` returns
+    compilation.py   all of the above in one, through the cache.py of what was made before
+    compiled.py      what `compile` returns, and what can be done with it
     export/          C that stands alone
     sweeps.py        the same model at many values of its parameters
     simulation/      the judge: Monte Carlo of the original model, which shares nothing after augmentation.py

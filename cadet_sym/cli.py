@@ -82,7 +82,7 @@ def moments(
     if duration is not None and not 0.0 < duration < math.inf:
         raise ModelError(f"--duration {duration:g}: expected a length of time above zero")
     with _computing():
-        compiled = cs.compile(_load(model, settings))
+        compiled = _compile(model, settings)
         history = compiled.propagate(grid, duration=duration, points=points, rtol=rtol)
         if save:
             history.save(save)
@@ -119,7 +119,7 @@ def stationary(
     if plot and not sweep:
         raise ModelError("--plot draws stationary moments along a parameter; add --sweep NAME=LO:HI:N")
     with _computing():
-        compiled = cs.compile(_load(model, settings))
+        compiled = _compile(model, settings)
         search = partial(_solutions, compiled, speed=speed, at=at, every=every)
         found = _sweep(search, *parse_sweep(sweep)) if sweep else search()
         if save:
@@ -154,12 +154,11 @@ def validate(
     _check_targets((plot, FIGURE_SUFFIXES))
     watch = _Stopwatch()
     with _computing():
-        declared = _load(model, settings)
-        compiled = cs.compile(declared)
+        compiled = _compile(model, settings)
         watch.lap("compiling")
         history = compiled.propagate()
         watch.lap("CADET")
-        simulation = cs.simulate(declared, paths=paths, seed=seed, progress=sys.stderr.isatty())
+        simulation = cs.simulate(compiled.model, paths=paths, seed=seed, progress=sys.stderr.isatty())
         watch.lap("simulation")
         comparison = cs.compare(history, simulation)
         if plot:
@@ -211,9 +210,24 @@ def export(
 ) -> None:
     """Write the compiled equations as a C library."""
     with _computing():
-        compiled = cs.compile(_load(model, settings))
+        compiled = _compile(model, settings)
         written = compiled.export_c(to, prefix=prefix or model.stem, force=force, fmu=fmu, matlab=matlab)
     print(written)
+
+
+@app.command()
+def cache(
+    clear: Annotated[bool, typer.Option("--clear", help="Remove all that is kept.")] = False,
+) -> None:
+    """Say where compiled models are kept, how many, and what they take."""
+    from cadet_sym import cache as kept
+
+    found = kept.clear() if clear else kept.contents()
+    if found.path is None:
+        print(f"No cache: {kept.VARIABLE} is `{kept.OFF}`")
+    else:
+        done = "Removed from" if clear else "Kept in"
+        print(f"{done} {found.path}: {found.entries} entries, {found.bytes / 1e6:.1f} MB")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -240,11 +254,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail(f"unexpected {kind}: {error}; a fault of the program, not of the model; run again with --debug", 1)
 
 
+def _compile(path: Path, settings: Iterable[str] | None) -> CompiledModel:
+    """The model in a file, with the parameters of ``--set`` in place, compiled now or before."""
+    return cs.compile(path, parameters=_values(settings))
+
+
 def _load(path: Path, settings: Iterable[str] | None) -> cs.Model:
     """The model in a file, with the parameters of ``--set`` in place."""
-    model = cs.load(path)
-    values = dict(parse_setting(setting) for setting in settings or ())
+    model, values = cs.load(path), _values(settings)
     return model.with_parameters(values) if values else model
+
+
+def _values(settings: Iterable[str] | None) -> dict[str, str]:
+    return dict(parse_setting(setting) for setting in settings or ())
 
 
 def _solutions(

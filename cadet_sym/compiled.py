@@ -7,34 +7,31 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Literal, overload
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from cadet_sym.augmentation import augment
-from cadet_sym.delay import CHOICES
+from cadet_sym.compilation import Compiled, from_file, from_model
 from cadet_sym.errors import ModelError, SolverError
-from cadet_sym.language.model import Model
-from cadet_sym.language.modelfile import load
-from cadet_sym.linearisation import linearise
-from cadet_sym.lowering.initial import filter_matrices, initial_moments, vehicle_start
-from cadet_sym.lowering.system import LoweredSystem, lower
-from cadet_sym.moments import MomentEquations, moment_equations
+from cadet_sym.lowering.facts import Declaration
+from cadet_sym.lowering.functions import MomentFunctions
+from cadet_sym.packing import Packing
 from cadet_sym.results import MomentHistory, Provenance, StationaryMoments, StationarySolutions
 from cadet_sym.solve.breakpoints import find_breakpoints
 from cadet_sym.solve.evaluate import over_time
-from cadet_sym.solve.freeze import Conditions, conditions, freeze
-from cadet_sym.solve.frozen import FrozenProblem
 from cadet_sym.solve.scales import peaks
-from cadet_sym.solve.search import stationary_points
-from cadet_sym.solve.sensitivity import adjoint, check_method, forward, quantity
 from cadet_sym.solve.start import profile_mean
-from cadet_sym.solve.stationary import StationaryPoint, stationary_point
-from cadet_sym.solve.steady import steady_start
 from cadet_sym.solve.transient import Start, Trajectory, check_times, integrate
-from cadet_sym.solve.wheels import present_error, suitable_grid
+from cadet_sym.solve.wheels import present_error
+
+if TYPE_CHECKING:
+    from cadet_sym.language.model import Model
+    from cadet_sym.moments import MomentEquations
+    from cadet_sym.solve.freeze import Conditions
+    from cadet_sym.solve.frozen import FrozenProblem
+    from cadet_sym.solve.stationary import StationaryPoint
 
 __all__ = ["CompiledModel", "compile"]
 
@@ -44,12 +41,20 @@ COARSE = 1e-2
 """Estimated error of the grid between the wheels (conservative, by 1 to 100) above which there is a warning."""
 
 
-def compile(model: Model | str | Path, *, grid: tuple[int, int] | None = None) -> CompiledModel:
+def compile(
+    model: Model | str | Path,
+    *,
+    parameters: Mapping[str, Any] | None = None,
+    grid: tuple[int, int] | None = None,
+) -> CompiledModel:
     """Turn a model, or the file it is declared in, into its compiled moment equations.
+
+    What is made is kept on disk and found again by what it was made of (see `cadet_sym.cache`).
 
     Parameters
     ----------
     model : a `Model`, or the path of a model file.
+    parameters : values in place of those declared; the model is checked with them.
     grid : elements and nodes an element between two wheels of one track (see `cadet_sym.delay`); by default the
         cheapest that resolves the vehicle's modes at the speeds of the run.
 
@@ -58,25 +63,32 @@ def compile(model: Model | str | Path, *, grid: tuple[int, int] | None = None) -
     ModelError, LinearisationError
         If the model is wrong, or an element has no Gaussian expectation.
     """
-    if not isinstance(model, Model):
-        model = load(model)
-    quasi_linear = linearise(augment(model))
-    equations = moment_equations(quasi_linear, grid or CHOICES[0])
-    if grid is None and equations.delay is not None:
-        coarse = CompiledModel(model, lower(equations))
-        still = np.zeros(equations.packing.moments)
-        duration = model.number(model.run.duration)
-        best = suitable_grid(coarse.functions, coarse.parameter_vector(), still, duration)
-        equations = moment_equations(quasi_linear, best)
-    return CompiledModel(model, lower(equations))
+    values = dict(parameters or {})
+    if isinstance(model, str | Path):
+        return CompiledModel(from_file(Path(model), values, grid))
+    return CompiledModel(from_model(model.with_parameters(values) if values else model, grid))
 
 
 @dataclass(frozen=True, eq=False)
 class CompiledModel:
     """A model whose moment equations are ready to be integrated, solved for their fixed points, or exported."""
 
-    model: Model
-    functions: LoweredSystem
+    _made: Compiled
+
+    @property
+    def functions(self) -> MomentFunctions:
+        """The moment equations as CasADi functions."""
+        return self._made.functions
+
+    @property
+    def declaration(self) -> Declaration:
+        """The numbers that the model declares."""
+        return self._made.declaration
+
+    @cached_property
+    def model(self) -> Model:
+        """The model it was made of."""
+        return self._made.model()
 
     @property
     def equations(self) -> MomentEquations:
@@ -84,14 +96,19 @@ class CompiledModel:
         return self.functions.equations
 
     @property
+    def packing(self) -> Packing:
+        """The order in which the moments stand in one vector."""
+        return self.functions.facts.packing
+
+    @property
     def states(self) -> tuple[str, ...]:
         """Names of the augmented states: the vehicle's, then the ground filters'."""
-        return self.equations.states
+        return self.functions.facts.states
 
     @property
     def outputs(self) -> tuple[str, ...]:
         """Names of the outputs."""
-        return tuple(self.equations.quasi_linear.outputs)
+        return self.functions.facts.outputs
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -100,16 +117,12 @@ class CompiledModel:
 
     def parameter_vector(self, values: Mapping[str, float] | None = None) -> Array:
         """p: the declared numbers, with `values` in their place where given."""
-        declared = self.model.parameter_values()
+        declared = self.declaration.values
         for name in values or {}:
             if name not in self.parameters:
                 known = ", ".join(self.parameters) or "none"
                 raise ModelError(f"`{name}` is not a parameter with a number of its own; those are: {known}.")
         return np.array([float({**declared, **(values or {})}[name]) for name in self.parameters])
-
-    @cached_property
-    def _initial(self) -> ca.Function:
-        return initial_moments(self.functions)
 
     def initial(self, parameters: Mapping[str, float] | None = None) -> Array:
         """The packed moments at t = 0.
@@ -120,14 +133,16 @@ class CompiledModel:
             If the ground has no stationary state to start from, or the covariance is not positive semidefinite.
         """
         p = self.parameter_vector(parameters)
-        if self.model.initial.whole:
+        facts = self.functions.facts
+        if facts.whole:
+            from cadet_sym.solve.steady import steady_start
+
             return steady_start(self.functions, p)
-        system = self.equations.quasi_linear.system
-        if system.copies and self.model.initial.ground == "stationary":
+        if facts.filters and not facts.smooth:
             self._refuse_drifting_ground(p)
-        y = np.asarray(self._initial(p)).ravel()
-        y[: self.equations.packing.n] += profile_mean(self.functions, p)
-        _, covariance = self.equations.packing.unpack(y)
+        y = np.asarray(self.functions.initial(p)).ravel()
+        y[: self.packing.n] += profile_mean(self.functions, p)
+        _, covariance = self.packing.unpack(y)
         lowest = float(np.linalg.eigvalsh(covariance)[0]) if len(covariance) else 0.0
         if not lowest >= -1e-9 * max(float(np.trace(covariance)), 1e-300):
             raise ModelError(
@@ -137,11 +152,11 @@ class CompiledModel:
         return y
 
     def _refuse_drifting_ground(self, p: Array) -> None:
-        for copy in self.equations.quasi_linear.system.copies:
-            C = np.asarray(filter_matrices(self.functions, copy)(p)[0])
+        matrices = self.functions.filters.call([p])
+        for place, C in zip(self.functions.facts.filters, map(np.asarray, matrices), strict=True):
             if np.linalg.eigvals(C).real.max(initial=-1.0) > -1e-12 * np.abs(C).max(initial=1e-300):
                 raise ModelError(
-                    f'[initial] ground = "stationary": the ground under `{copy.contact}` has no stationary height '
+                    f'[initial] ground = "stationary": the ground under `{place.contact}` has no stationary height '
                     '(an integrated road wanders without bound). Start with `ground = "smooth"`, or give the road a '
                     "low-frequency `cutoff`."
                 )
@@ -176,9 +191,9 @@ class CompiledModel:
         SolverError
             If the integration fails; says when, where, and what was reached. `partial` is the history up to there.
         """
-        run = self.model.run
+        run = self.declaration
         if times is None:
-            end = self.model.number(run.duration) if duration is None else duration
+            end = run.duration if duration is None else duration
             times = np.linspace(0.0, end, run.points if points is None else points)
         grid = check_times(times)
         start = self._start(self.parameter_vector(parameters), float(grid[-1]))
@@ -226,6 +241,8 @@ class CompiledModel:
         SolverError
             If the derivatives break down.
         """
+        from cadet_sym.solve.sensitivity import check_method, forward, quantity
+
         check_method(method)
         names = self.parameters if parameters is None else tuple(parameters)
         for each in names:
@@ -233,11 +250,11 @@ class CompiledModel:
                 known = ", ".join(self.parameters) or "none"
                 raise ModelError(f"`{each}` is not a parameter with a number of its own; those are: {known}.")
         columns = [self.parameters.index(each) for each in names]
-        grid = check_times([self.model.number(self.model.run.duration)] if times is None else times)
+        grid = check_times([self.declaration.duration] if times is None else times)
         start = self._start(self.parameter_vector(values), float(grid[-1]))
         wanted = quantity(self.functions, name, moment)
         rough = integrate(self.functions, start, np.linspace(0, grid[-1], 33) if grid[-1] > 0 else grid, rtol=1e-4)
-        size = peaks(rough.y, self.equations.packing)
+        size = peaks(rough.y, self.packing)
         slope = self._start_slope(start.p)
         if method == "adjoint" or (method == "auto" and len(columns) > 20 + len(grid)):
             try:
@@ -253,6 +270,8 @@ class CompiledModel:
         return np.array(rows)
 
     def _adjoint_gradient(self, wanted: ca.Function, start: Start, grid: Array, size: Array, slope: Array) -> Array:
+        from cadet_sym.solve.sensitivity import adjoint
+
         y = integrate(self.functions, start, grid, rtol=1e-9).y
         rows = []
         for t, moments in zip(grid, y, strict=True):
@@ -267,9 +286,9 @@ class CompiledModel:
     def _start_slope(self, p: Array) -> Array:
         """Derivative (size, parameters) of the start: central differences where a stationary state is solved for."""
         here = self.initial(dict(zip(self.parameters, p.tolist(), strict=True)))
-        if np.allclose(np.asarray(self._initial(p)).ravel(), here, rtol=1e-12, atol=0):
+        if np.allclose(np.asarray(self.functions.initial(p)).ravel(), here, rtol=1e-12, atol=0):
             q = ca.MX.sym("q", len(p))
-            return np.asarray(ca.Function("slope", [q], [ca.jacobian(self._initial(q), q)])(p))
+            return np.asarray(ca.Function("slope", [q], [ca.jacobian(self.functions.initial(q), q)])(p))
         columns = []
         for j, step in enumerate(1e-5 * np.maximum(np.abs(p), 1e-3)):
             move = step * np.eye(len(p))[j]
@@ -299,6 +318,8 @@ class CompiledModel:
         parameters: Mapping[str, float] | None = None,
     ) -> FrozenProblem:
         """The stationary moment equations in plain numbers, at one speed and one instant (see `stationary`)."""
+        from cadet_sym.solve.freeze import conditions, freeze
+
         return freeze(self.functions, conditions(self.functions, self.parameter_vector(parameters), speed, at))
 
     @overload
@@ -355,10 +376,14 @@ class CompiledModel:
         SolverError
             If no solution was found: what was tried, the best residual, and the eigenvalue to blame.
         """
+        from cadet_sym.solve.freeze import conditions, freeze
+        from cadet_sym.solve.search import stationary_points
+        from cadet_sym.solve.stationary import stationary_point
+
         p = self.parameter_vector(parameters)
         held = conditions(self.functions, p, speed, at)
         problem = freeze(self.functions, held)
-        offset = np.asarray(vehicle_start(self.functions)(p)[0]).ravel()
+        offset = np.asarray(self.functions.vehicle_start(p)[0]).ravel()
         start = np.concatenate([offset, np.zeros(problem.n - len(offset))])
         rest = (start, np.zeros((problem.n, problem.n)))
         points = stationary_points(problem, rest) if all else (stationary_point(problem, rest),)
@@ -367,7 +392,7 @@ class CompiledModel:
 
     def _fixed_point(self, point: StationaryPoint, held: Conditions) -> StationaryMoments:
         """Name the moments of a stationary point; what drifts has none."""
-        y = self.equations.packing.pack(point.mean, point.covariance)
+        y = self.packing.pack(point.mean, point.covariance)
         pair = self.functions.outputs_at(y, held.context, held.p)
         mean, variance = (np.asarray(part).ravel() for part in pair)
         rows = self.functions.output_rows(held.context, held.p)
@@ -379,7 +404,7 @@ class CompiledModel:
         covariance[point.drifting, :] = covariance[:, point.drifting] = np.nan
         names = (*self.states, *self.outputs)
         return StationaryMoments(
-            model=self.model.name,
+            model=self.declaration.name,
             states=self.states,
             outputs=self.outputs,
             state_mean=state_mean,
@@ -402,15 +427,15 @@ class CompiledModel:
             rtol=rtol,
             statistics=statistics,
             parameters=dict(zip(self.parameters, p.tolist(), strict=True)),
-            model_hash=self.model.hash,
+            model_hash=self.declaration.hash,
             version=version("cadet-sym"),
         )
 
     def _wheel_error(self, trajectory: Trajectory, p: Array) -> dict[str, float]:
         """Estimated error of the grid between the wheels at the end of a run; a warning if it is coarse."""
-        if self.equations.delay is None:
+        if self.functions.facts.delay is None:
             return {}
-        moments = trajectory.y[-1, : self.equations.packing.moments]
+        moments = trajectory.y[-1, : self.packing.moments]
         error = present_error(self.functions, p, moments, float(trajectory.time[-1]))
         if error > COARSE:
             warnings.warn(
@@ -448,20 +473,18 @@ class CompiledModel:
         """
         from cadet_sym.export.c import Run, export_c
 
-        settings = self.model.run
-        duration = self.model.number(settings.duration)
-        run = Run(self.parameter_vector(), self.initial(), duration, settings.points)
+        run = Run(self.parameter_vector(), self.initial(), self.declaration.duration, self.declaration.points)
         return export_c(self.functions, run, path, prefix=prefix, force=force, fmu=fmu, matlab=matlab)
 
     def _history(self, trajectory: Trajectory, p: Array, more: Mapping[str, float]) -> MomentHistory:
-        mean, covariance = self.equations.packing.unpack(trajectory.y)
+        mean, covariance = self.packing.unpack(trajectory.y)
         k = len(trajectory.time)
         if self.outputs:
             output_mean, output_variance = over_time(self.functions.outputs, trajectory.time, trajectory.y, p)
         else:
             output_mean = output_variance = np.zeros((k, 0))
         return MomentHistory(
-            model=self.model.name,
+            model=self.declaration.name,
             states=self.states,
             outputs=self.outputs,
             time=trajectory.time,

@@ -17,16 +17,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-import sympy as sp
 
-from cadet_sym.augmentation import AugmentedSystem
 from cadet_sym.errors import ModelError
+
+if TYPE_CHECKING:
+    from cadet_sym.augmentation import AugmentedSystem
 
 __all__ = [
     "CHOICES",
+    "STANDING",
     "DelayGrid",
     "Gap",
     "TrackDelay",
@@ -47,11 +50,14 @@ CHOICES = ((1, 8), (1, 12), (2, 8), (4, 6), (4, 8), (6, 8), (8, 10))
 """Elements x nodes to choose from on every gap between wheels, cheapest first."""
 
 
+STANDING = 1e-9
+"""Speed below which a vehicle does not travel at all."""
+
+
 @dataclass(frozen=True)
 class Gap:
     """The stretch of ground between two setbacks that follow each other on one track."""
 
-    length: sp.Expr
     elements: int
     nodes: int
 
@@ -60,8 +66,6 @@ class Gap:
 class TrackDelay:
     """The wheels of one track in the order in which they meet the ground."""
 
-    track: str
-    setbacks: tuple[sp.Expr, ...]
     columns: tuple[tuple[int, ...], ...]  # of the noise input, one tuple a setback
     gaps: tuple[Gap, ...]  # one fewer
 
@@ -86,23 +90,21 @@ class DelayGrid:
 
 def delay_grid(system: AugmentedSystem, elements: int, nodes: int) -> DelayGrid | None:
     """Lay the grid between the wheels of every track that has several; None if no track has."""
-    values = {sp.Symbol(k, real=True): v for k, v in system.model.parameter_values().items()}
+    number = system.model.number
     tracks = []
     for name in dict.fromkeys(copy.track for copy in system.copies):
         copies = [copy for copy in system.copies if copy.track == name]
         if len(copies) < 2:
             continue
-        copies.sort(key=lambda copy: float(copy.setback.subs(values)))
-        lengths = [after.setback - before.setback for before, after in pairwise(copies)]
-        for length, (before, after) in zip(lengths, pairwise(copies), strict=True):
-            if float(length.subs(values)) <= 0:
+        copies.sort(key=lambda copy: number(copy.setback))
+        for before, after in pairwise(copies):
+            if number(after.setback) <= number(before.setback):
                 raise ModelError(
                     f"contacts `{before.contact}` and `{after.contact}` on track `{name}` have equal setbacks "
                     "written in different ways; write them with the same expression."
                 )
-        gaps = tuple(Gap(length, elements, nodes) for length in lengths)
-        columns = tuple(copy.columns for copy in copies)
-        tracks.append(TrackDelay(name, tuple(copy.setback for copy in copies), columns, gaps))
+        gaps = (Gap(elements, nodes),) * (len(copies) - 1)
+        tracks.append(TrackDelay(tuple(copy.columns for copy in copies), gaps))
     return DelayGrid(len(system.states), tuple(tracks)) if tracks else None
 
 

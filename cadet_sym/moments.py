@@ -4,64 +4,22 @@
     P'  = N P + P N^T + D                             N = A + sum_j b_j k_j^T C_j,  k_j = dF_j/dm_j
 
 (Harrison & Hammond 1986, equations 6-9; Gelb & Warren 1973). D = b_t Q b_t^T + V b_s Q b_s^T is the diffusion.
-This module owns the order in which the moments are packed into one vector.
+The order in which the moments are packed into one vector is that of `Packing`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
-import numpy as np
-import numpy.typing as npt
 import sympy as sp
 
 from cadet_sym.delay import DelayGrid, delay_grid
 from cadet_sym.language.expression import SPEED, symbol
 from cadet_sym.linearisation import QuasiLinearSystem
+from cadet_sym.packing import Packing
 
-__all__ = ["MomentEquations", "Packing", "gate_symbol", "moment_equations"]
-
-Array = npt.NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Packing:
-    """y = [mean (n); lower triangle of P, column by column; what else is integrated alongside]."""
-
-    n: int
-    distance: bool = False  # the distance travelled is integrated too
-    ground: int = 0  # values of the correlation with the ground between the wheels (see `delay`)
-
-    @property
-    def moments(self) -> int:
-        """Number of means and covariances."""
-        return self.n + self.n * (self.n + 1) // 2
-
-    @property
-    def size(self) -> int:
-        """Number of all values in y."""
-        return self.moments + int(self.distance) + self.ground
-
-    @cached_property
-    def triangle(self) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-        """Rows and columns of the packed covariances, in order."""
-        columns, rows = np.triu_indices(self.n)
-        return rows, columns
-
-    def pack(self, mean: Array, covariance: Array) -> Array:
-        """Means (n,) and covariance (n, n) as one vector of `moments` values."""
-        rows, columns = self.triangle
-        return np.concatenate([mean, covariance[rows, columns]])
-
-    def unpack(self, y: Array) -> tuple[Array, Array]:
-        """Mean (..., n) and symmetric covariance (..., n, n) of packed moments (..., size)."""
-        rows, columns = self.triangle
-        covariance = np.empty((*y.shape[:-1], self.n, self.n))
-        covariance[..., rows, columns] = covariance[..., columns, rows] = y[..., self.n : self.moments]
-        return y[..., : self.n].copy(), covariance
-
+__all__ = ["MomentEquations", "gate_symbol", "moment_equations"]
 
 @dataclass(frozen=True)
 class MomentEquations:

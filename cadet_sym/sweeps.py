@@ -139,16 +139,17 @@ def _points(values: Mapping[str, Sequence[float]], kind: str) -> tuple[tuple[str
     return names, np.column_stack(columns), ()
 
 
-_here: dict[str, CompiledModel] = {}
+_here: dict[tuple[str, str], CompiledModel] = {}
 
 
 def _compiled(model: Model) -> CompiledModel:
     """Compiled once in each process."""
-    if model.hash not in _here:
+    key = model.name, model.content(numbers=True)
+    if key not in _here:
         if len(_here) > 3:
             _here.clear()
-        _here[model.hash] = compile(model)
-    return _here[model.hash]
+        _here[key] = compile(model)
+    return _here[key]
 
 
 def _run(model: Model, names: Sequence[str], row: Array, run: Mapping[str, Any]) -> MomentHistory | str:

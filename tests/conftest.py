@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import tempfile
 from functools import cache
 from pathlib import Path
 
@@ -11,6 +14,13 @@ import cadet_sym as cs
 
 ROOT = Path(__file__).resolve().parent.parent
 SHIPPED = sorted((ROOT / "models").glob("*.toml"))
+
+
+def pytest_configure(config):
+    """Compiled models of the tests are kept apart from the user's."""
+    place = tempfile.mkdtemp(prefix="cadet-sym-tests-")
+    config.add_cleanup(lambda: shutil.rmtree(place, ignore_errors=True))
+    os.environ["CADET_SYM_CACHE"] = place
 
 
 @cache

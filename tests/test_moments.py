@@ -10,7 +10,7 @@ from reference_models import toml
 from scipy.linalg import expm, solve_continuous_lyapunov
 
 import cadet_sym as cs
-from cadet_sym.moments import Packing
+from cadet_sym.packing import Packing
 
 
 @given(st.integers(1, 6), st.integers(0, 50))

@@ -11,7 +11,7 @@ from reference_models import toml
 
 import cadet_sym as cs
 from cadet_sym.errors import ModelError, SolverError
-from cadet_sym.moments import Packing
+from cadet_sym.packing import Packing
 from cadet_sym.solve.implicit import Inverse, PackedIndex, scaled_form
 from cadet_sym.solve.lyapunov import modal_form
 

@@ -25,8 +25,8 @@ from cadet_sym.export.folder import check_folder, write_folder
 from cadet_sym.export.matlab import matlab_text
 from cadet_sym.export.names import c_comment, c_string, identifiers, prefix_of
 from cadet_sym.export.program import Program, constant, translate
+from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.lowering.portable import PortableFunctions, portable
-from cadet_sym.lowering.system import LoweredSystem
 from cadet_sym.solve.breakpoints import find_breakpoints
 from cadet_sym.solve.transient import Start, integrate
 
@@ -61,7 +61,7 @@ class Run:
 
 
 def export_c(
-    lowered: LoweredSystem,
+    lowered: MomentFunctions,
     run: Run,
     path: str | Path,
     *,
@@ -99,7 +99,7 @@ def export_c(
     return write_folder(path, files, written.about, force=force)
 
 
-def library(lowered: LoweredSystem, run: Run, prefix: str | None = None) -> Library:
+def library(lowered: MomentFunctions, run: Run, prefix: str | None = None) -> Library:
     """Translate everything, write nothing."""
     model = lowered.equations.quasi_linear.system.model
     functions = portable(lowered)
@@ -117,7 +117,7 @@ def library(lowered: LoweredSystem, run: Run, prefix: str | None = None) -> Libr
 class Library:
     """A model's library as text."""
 
-    lowered: LoweredSystem
+    lowered: MomentFunctions
     functions: PortableFunctions
     programs: Mapping[str, Program]
     run: Run

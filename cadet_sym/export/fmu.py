@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from cadet_sym.errors import ExportError
 from cadet_sym.export.names import identifiers
-from cadet_sym.lowering.system import LoweredSystem
+from cadet_sym.lowering.functions import MomentFunctions
 
 __all__ = ["check_fmu_tools", "fmu_bytes"]
 
@@ -55,7 +55,7 @@ def check_fmu_tools() -> str:
     return str(Path(spec.submodule_search_locations[0]) / "c-code")
 
 
-def fmu_bytes(lowered: LoweredSystem, p: Array, start: Array, duration: float, name: str) -> bytes:
+def fmu_bytes(lowered: MomentFunctions, p: Array, start: Array, duration: float, name: str) -> bytes:
     """The unit as the content of an .fmu file.
 
     Parameters
@@ -117,7 +117,7 @@ def _scratch_folder() -> Iterator[Path]:
             os.chdir(before)
 
 
-def _dae(lowered: LoweredSystem, p: Array, start: Array, duration: float, name: str) -> ca.DaeBuilder:
+def _dae(lowered: MomentFunctions, p: Array, start: Array, duration: float, name: str) -> ca.DaeBuilder:
     dae = ca.DaeBuilder(name, "", {})
     t = dae.add("time", "independent")
     moments, parameters, outputs = _variables(lowered, p, start)
@@ -147,7 +147,7 @@ def _is_result(entry: _Variable) -> bool:
 
 
 def _variables(
-    lowered: LoweredSystem, p: Array, start: Array
+    lowered: MomentFunctions, p: Array, start: Array
 ) -> tuple[list[_Variable], list[_Variable], list[_Variable]]:
     """Packed moments, parameters and outputs, each with a name of letters, digits and underscores."""
     equations, packing = lowered.equations, lowered.equations.packing

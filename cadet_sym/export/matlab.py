@@ -11,8 +11,8 @@ import numpy.typing as npt
 from cadet_sym.errors import ExportError
 from cadet_sym.export.names import c_comment
 from cadet_sym.export.program import operations
+from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.lowering.portable import PortableFunctions
-from cadet_sym.lowering.system import LoweredSystem
 
 __all__ = ["matlab_text"]
 
@@ -68,7 +68,7 @@ HEAD = """function m = {name}()
 
 
 def matlab_text(
-    lowered: LoweredSystem,
+    lowered: MomentFunctions,
     functions: PortableFunctions,
     p: npt.NDArray[np.float64],
     start: npt.NDArray[np.float64],

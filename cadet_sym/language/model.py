@@ -222,6 +222,13 @@ class Model:
         """Digest of what the model computes; the same for equal models, in every process."""
         return hashlib.sha256(_content(self).encode()).hexdigest()
 
+    def content(self, *, numbers: bool) -> str:
+        """Text of all that its equations follow from, in the order declared; with the parameters' numbers or without."""
+        values = {name: p.value for name, p in self.parameters.items() if numbers or p.value.free_symbols}
+        parts = (self.vehicle, self.ground, self.travel, self.noise, self.initial)
+        own = (tuple(self.parameters), values, self.run if numbers else None)
+        return "\n".join(_content(part, ordered=True) for part in (*parts, *own))
+
     def to_toml(self) -> str:
         """The model as the text of a model file; loading it gives an equal model."""
         from cadet_sym.language.modeltext import to_toml
@@ -242,13 +249,15 @@ def _parameters(table: Any) -> dict[str, Parameter]:
     return declared
 
 
-def _content(value: Any) -> str:
-    """Text of everything that counts in a comparison."""
+def _content(value: Any, *, ordered: bool = False) -> str:
+    """Text of everything that counts in a comparison; entries of mappings in their order, or in the alphabet's."""
     if is_dataclass(value):
-        inner = ",".join(f"{f.name}={_content(getattr(value, f.name))}" for f in fields(value) if f.compare)
+        parts = ((f.name, getattr(value, f.name)) for f in fields(value) if f.compare)
+        inner = ",".join(f"{name}={_content(part, ordered=ordered)}" for name, part in parts)
         return f"{type(value).__name__}({inner})"
     if isinstance(value, Mapping):
-        return "{" + ",".join(sorted(f"{_content(k)}:{_content(v)}" for k, v in value.items())) + "}"
+        entries = [f"{_content(k, ordered=ordered)}:{_content(v, ordered=ordered)}" for k, v in value.items()]
+        return "{" + ",".join(entries if ordered else sorted(entries)) + "}"
     if isinstance(value, tuple):
-        return "(" + ",".join(map(_content, value)) + ")"
+        return "(" + ",".join(_content(part, ordered=ordered) for part in value) + ")"
     return sp.srepr(value) if isinstance(value, sp.Basic) else repr(value)

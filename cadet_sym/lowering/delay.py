@@ -28,14 +28,16 @@ def delay_rates(equations: MomentEquations, N: ca.SX, g: ca.SX, env: _Environmen
     rates = []
     for track, nodes in tracks_of(equations.delay, g):
         inputs = [_columns(equations, columns, env) for columns in track.columns]
+        setbacks = _setbacks(equations, track)
         intensity = _intensity(equations, track, env)
         inflow, first = inputs[0], 0
         for k, gap in enumerate(track.gaps, start=1):
             count = gap.elements * gap.nodes
-            rates += _gap_rates(gap, N, V, inflow, nodes[first : first + count], env)
+            speed = V * gap.elements / to_casadi(setbacks[k] - setbacks[k - 1], env)
+            rates += _gap_rates(gap, N, speed, inflow, nodes[first : first + count])
             first += count
             arriving = nodes[first - 1]
-            gate = env.get(gate_symbol(track.setbacks[k]), ca.SX(1))
+            gate = env.get(gate_symbol(setbacks[k]), ca.SX(1))
             cross = ca.mtimes([arriving, intensity, inputs[k].T]) * gate
             forcing += V * (cross + cross.T)
             inflow = arriving + inputs[k]
@@ -56,11 +58,9 @@ def tracks_of(grid: DelayGrid, g: ca.SX) -> Iterator[tuple[TrackDelay, list[ca.S
         yield track, nodes
 
 
-def _gap_rates(
-    gap: Gap, N: ca.SX, V: ca.SX, inflow: ca.SX, nodes: list[ca.SX], env: _Environment
-) -> list[ca.SX]:
+def _gap_rates(gap: Gap, N: ca.SX, speed: ca.SX, inflow: ca.SX, nodes: list[ca.SX]) -> list[ca.SX]:
+    """Rates at the nodes of one gap; `speed` is that of travel, in elements."""
     _, D = radau(gap.nodes)
-    speed = V * gap.elements / to_casadi(gap.length, env)
     rates = []
     starts = range(0, len(nodes), gap.nodes)
     for start, entry in zip(starts, [inflow, *(nodes[s - 1] for s in starts[1:])], strict=True):
@@ -71,6 +71,12 @@ def _gap_rates(
                 slope += weight * node
             rates.append(ca.densify(ca.mtimes(N, value) - speed * slope))
     return rates
+
+
+def _setbacks(equations: MomentEquations, track: TrackDelay) -> list[sp.Expr]:
+    """How far behind the leading wheel each wheel of a track is."""
+    behind = {copy.columns: copy.setback for copy in equations.quasi_linear.system.copies}
+    return [behind[columns] for columns in track.columns]
 
 
 def _columns(equations: MomentEquations, columns: tuple[int, ...], env: _Environment) -> ca.SX:

@@ -14,18 +14,14 @@ import numpy as np
 import sympy as sp
 
 from cadet_sym.augmentation import AugmentedSystem, FilterCopy
-from cadet_sym.delay import Gap, TrackDelay, radau
+from cadet_sym.delay import STANDING, Gap, TrackDelay, radau
 from cadet_sym.language.expression import DISTANCE, SPEED, SPEED_RATE, TIME
 from cadet_sym.lowering.expressions import to_casadi
 from cadet_sym.lowering.system import LoweredSystem
 
-__all__ = ["STANDING", "filter_matrices", "initial_moments", "vehicle_start"]
+__all__ = ["filter_matrices", "filters", "initial_moments", "places", "profiles", "vehicle_start"]
 
 _Environment = Mapping[sp.Symbol, ca.SX]
-
-STANDING = 1e-9
-"""Speed below which a vehicle does not travel at all."""
-
 
 def initial_moments(lowered: LoweredSystem, linear_solver: str = "qr") -> ca.Function:
     """p -> y(0), packed; the caller has made sure that the filter has a stationary covariance.
@@ -59,6 +55,33 @@ def filter_matrices(lowered: LoweredSystem, copy: FilterCopy) -> ca.Function:
     here = {DISTANCE: env[DISTANCE] - to_casadi(copy.setback, env)}
     C, D, Q = (_dense(m, {**env, **here}) for m in (copy.filter.C, copy.filter.D, copy.filter.Q))
     return ca.Function("filter", [p], [C, ca.mtimes([D, Q, D.T]), D], ["p"], ["C", "DQD", "D"])
+
+
+def filters(lowered: LoweredSystem) -> ca.Function:
+    """P -> C of every filter copy where it stands at the start."""
+    p = ca.SX.sym("p", len(lowered.parameters))
+    copies = lowered.equations.quasi_linear.system.copies
+    return ca.Function("filters", [p], [filter_matrices(lowered, copy)(p)[0] for copy in copies])
+
+
+def profiles(lowered: LoweredSystem) -> ca.Function:
+    """(s, p) -> C(s), offset(s) of every filter copy, one after the other."""
+    s, p = ca.SX.sym("s"), ca.SX.sym("p", len(lowered.parameters))
+    env = lowered.environment(ca.vertcat(0, s, 0, 0), p)
+    copies = lowered.equations.quasi_linear.system.copies
+    parts = [_dense(matrix, env) for copy in copies for matrix in (copy.filter.C, copy.filter.offset)]
+    return ca.Function("profiles", [s, p], parts)
+
+
+def places(lowered: LoweredSystem) -> ca.Function:
+    """P -> setback of every filter copy, places of the edges of the ground's profile."""
+    p = ca.SX.sym("p", len(lowered.parameters))
+    env = lowered.environment(ca.SX(4, 1), p)
+    system = lowered.equations.quasi_linear.system
+    ground = system.model.ground
+    setbacks = [to_casadi(copy.setback, env) for copy in system.copies]
+    edges = [] if ground is None else [to_casadi(place, env) for place in ground.breakpoints]
+    return ca.Function("places", [p], [ca.SX(ca.vertcat(*setbacks)), ca.SX(ca.vertcat(*edges))])
 
 
 class _GroundStart:

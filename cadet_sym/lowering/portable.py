@@ -10,9 +10,8 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.lowering.initial import initial_moments
-from cadet_sym.lowering.switches import switch_functions
-from cadet_sym.lowering.system import LoweredSystem
 
 __all__ = ["PortableFunctions", "portable"]
 
@@ -22,7 +21,7 @@ LARGEST_START = 20_000
 
 @dataclass(frozen=True, eq=False)
 class PortableFunctions:
-    """Expanded CasADi functions; y is packed as in `moments.Packing`, p holds the parameters."""
+    """Expanded CasADi functions; y is packed as in `packing.Packing`, p holds the parameters."""
 
     rate: ca.Function  # (t, y, p) -> dy/dt
     jacobian: ca.Function  # (t, y, p) -> d(dy/dt)/dy, sparse
@@ -36,9 +35,9 @@ class PortableFunctions:
     switches: ca.Function  # (t, s, p) -> functions whose sign changes at breakpoints: those of t alone first
 
 
-def portable(lowered: LoweredSystem) -> PortableFunctions:
+def portable(lowered: MomentFunctions) -> PortableFunctions:
     """Make the functions that are exported; the same graphs as Python evaluates."""
-    packing = lowered.equations.packing
+    packing = lowered.facts.packing
     t, s, V = ca.SX.sym("t"), ca.SX.sym("s"), ca.SX.sym("V")
     y, p = ca.SX.sym("y", packing.size), ca.SX.sym("p", len(lowered.parameters))
     rate = lowered.rate(t, y, p)
@@ -62,15 +61,15 @@ def portable(lowered: LoweredSystem) -> PortableFunctions:
         held_outputs=_function("held_outputs", frozen, still, frozen_names, both),
         initial=_initial(lowered),
         switches=_function(
-            "switches", [t, s, p], [ca.densify(ca.vertcat(*switch_functions(lowered)(t, s, p)))], ["t", "s", "p"], ["g"]
+            "switches", [t, s, p], [ca.densify(ca.vertcat(*lowered.switches(t, s, p)))], ["t", "s", "p"], ["g"]
         ),
     )
 
 
-def _held_rate(lowered: LoweredSystem, t: ca.SX, s: ca.SX, V: ca.SX, y: ca.SX, p: ca.SX) -> ca.SX:
+def _held_rate(lowered: MomentFunctions, t: ca.SX, s: ca.SX, V: ca.SX, y: ca.SX, p: ca.SX) -> ca.SX:
     """The rate at a constant speed, all wheels on the ground; a distance that is integrated is drawn to s."""
     held = ca.SX(lowered.held_rate(t, s, V, y, p))
-    packing = lowered.equations.packing
+    packing = lowered.facts.packing
     if packing.distance:
         held[packing.moments] = s - y[packing.moments]
     return held
@@ -81,8 +80,8 @@ def _project(matrix: ca.SX, pattern: ca.Sparsity) -> ca.SX:
     return ca.project(matrix, pattern)
 
 
-def _initial(lowered: LoweredSystem) -> ca.Function | None:
-    expanded = initial_moments(lowered, "symbolicqr").expand("initial")
+def _initial(lowered: MomentFunctions) -> ca.Function | None:
+    expanded = initial_moments(lowered.symbolic, "symbolicqr").expand("initial")
     return expanded if expanded.n_instructions() <= LARGEST_START else None
 
 

@@ -1,6 +1,6 @@
 """Turn the moment equations into CasADi functions: the rate of the packed moments, outputs, and their parts.
 
-Functions of the moments take y in the order of `moments.Packing`; `p` holds the parameters that have a number of
+Functions of the moments take y in the order of `packing.Packing`; `p` holds the parameters that have a number of
 their own, in declared order; `ctx` is [t, s, V, V']. Evaluation of SX graphs and their derivatives is
 CasADi's; nothing here integrates or solves.
 """

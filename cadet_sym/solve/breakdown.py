@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cadet_sym.errors import SolverError
-from cadet_sym.lowering.system import LoweredSystem
+from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.solve.evaluate import gains
 
 __all__ = ["Breakdown", "explain", "moment_name"]
@@ -27,7 +27,7 @@ class Breakdown(Exception):  # noqa: N818 - an event that the caller handles; us
 
 
 def explain(
-    lowered: LoweredSystem, p: Array, breakdown: Breakdown, begin: float, y: Array, partial: Any
+    lowered: MomentFunctions, p: Array, breakdown: Breakdown, begin: float, y: Array, partial: Any
 ) -> SolverError:
     """The error a user sees, for a stretch that began at `begin` with moments y."""
     reached = begin if breakdown.time is None else breakdown.time
@@ -36,7 +36,7 @@ def explain(
     if np.isfinite(rate).all():  # the end of where it exists may lie just ahead
         beyond = np.asarray(lowered.rate(reached + 1e-6 * (reached or 1.0), last, p)).ravel()
         rate = rate if np.isfinite(beyond).all() else beyond
-    packing, names = lowered.equations.packing, lowered.equations.states
+    packing, names = lowered.facts.packing, lowered.facts.states
     eigenvalues = _eigenvalues(lowered, p, reached, last)
     kept = f"{len(partial.time)} output times up to there are kept in `partial` of this error"
     details = {"time": reached, "eigenvalues": eigenvalues, "partial": partial}
@@ -63,7 +63,7 @@ def explain(
     )
 
 
-def _eigenvalues(lowered: LoweredSystem, p: Array, t: float, y: Array) -> npt.NDArray[np.complex128]:
+def _eigenvalues(lowered: MomentFunctions, p: Array, t: float, y: Array) -> npt.NDArray[np.complex128]:
     N = gains(lowered, t, y, p)
     if not np.isfinite(N).all():
         return np.full(len(N), np.nan, dtype=complex)
@@ -83,9 +83,9 @@ def _judgement(eigenvalues: npt.NDArray[np.complex128]) -> str:
     return f"the eigenvalue of N with the largest real part is {value}"
 
 
-def moment_name(index: int, lowered: LoweredSystem) -> str:
+def moment_name(index: int, lowered: MomentFunctions) -> str:
     """What an entry of the packed moments is, in words."""
-    packing, names = lowered.equations.packing, lowered.equations.states
+    packing, names = lowered.facts.packing, lowered.facts.states
     if index < packing.n:
         return f"the mean of `{names[index]}`"
     if index < packing.moments:

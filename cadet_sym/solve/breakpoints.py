@@ -9,8 +9,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from cadet_sym.lowering.switches import switch_functions
-from cadet_sym.lowering.system import LoweredSystem
+from cadet_sym.lowering.functions import MomentFunctions
 
 __all__ = ["find_breakpoints"]
 
@@ -20,11 +19,11 @@ CELLS = 2048
 """Cells of the grid on which signs are compared: inputs that switch back within one are missed."""
 
 
-def find_breakpoints(lowered: LoweredSystem, p: Array, duration: float) -> tuple[float, ...]:
+def find_breakpoints(lowered: MomentFunctions, p: Array, duration: float) -> tuple[float, ...]:
     """Times in (0, duration) at which a kink or jump of the speed, the ground or an input lies, increasing."""
     if not duration > 0:
         return ()
-    switches = switch_functions(lowered)
+    switches = lowered.switches
     in_time, in_space = switches.size1_out(0), switches.size1_out(1)
     if in_time + in_space == 0:
         return ()
@@ -61,7 +60,7 @@ def _roots(g: Callable[[Array], Array], grid: Array) -> set[float]:
     return set(high.tolist())
 
 
-def _distance(lowered: LoweredSystem, p: Array, grid: Array) -> Callable[[Array], Array]:
+def _distance(lowered: MomentFunctions, p: Array, grid: Array) -> Callable[[Array], Array]:
     """s(t): in closed form, or the speed integrated over cells that end at its kinks (Gauss, 8 points)."""
 
     def motion(t: Array) -> tuple[Array, Array, Array]:
@@ -69,7 +68,7 @@ def _distance(lowered: LoweredSystem, p: Array, grid: Array) -> Callable[[Array]
         V, s, start = (np.asarray(part, dtype=float).reshape(t.shape) for part in (V, s, start))
         return V, s, start
 
-    if lowered.equations.quasi_linear.system.distance is not None:
+    if lowered.facts.known_distance:
         return lambda t: motion(t)[1]
     nodes, weights = np.polynomial.legendre.leggauss(8)
 

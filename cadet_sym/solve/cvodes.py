@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from cadet_sym.lowering.system import LoweredSystem
+from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.solve.breakdown import Breakdown
 from cadet_sym.solve.evaluate import give, take
 from cadet_sym.solve.scales import Tolerance
@@ -26,14 +26,14 @@ Array = npt.NDArray[np.float64]
 KEPT = 64
 """Integrators kept for each model."""
 
-_integrators: WeakKeyDictionary[LoweredSystem, OrderedDict[tuple[object, ...], ca.Function]] = WeakKeyDictionary()
+_integrators: WeakKeyDictionary[MomentFunctions, OrderedDict[tuple[object, ...], ca.Function]] = WeakKeyDictionary()
 
 
 @dataclass
 class Direct:
     """The moment equations of one run under CasADi's CVODES."""
 
-    lowered: LoweredSystem
+    lowered: MomentFunctions
     p: Array
     tolerance: Tolerance
     steps: int = field(default=0, init=False)
@@ -70,7 +70,7 @@ class Direct:
 
     def _build(self, grid: tuple[float, ...]) -> ca.Function:
         """CVODES over a stretch, time counted from its beginning, every moment in units of its size."""
-        n, count = self.lowered.equations.packing.size, len(self.lowered.parameters)
+        n, count = self.lowered.facts.packing.size, len(self.lowered.parameters)
         t, x = ca.SX.sym("t"), ca.SX.sym("x", n)
         p = ca.SX.sym("p", count + n + 1)
         size, begin = p[count : count + n], p[count + n]

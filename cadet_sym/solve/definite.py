@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from cadet_sym.moments import Packing
+from cadet_sym.packing import Packing
 
 __all__ = ["LIMIT", "lost", "warn_of_loss"]
 

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from cadet_sym.lowering.system import LoweredSystem
+from cadet_sym.lowering.functions import MomentFunctions
 
 __all__ = ["Rate", "gains", "give", "over_time", "take"]
 
@@ -36,7 +36,7 @@ def take(buffer: Any, i: int, memory: Any) -> None:
 class Rate:
     """dy/dt written into the caller's memory; counts its evaluations."""
 
-    def __init__(self, lowered: LoweredSystem, p: Array) -> None:
+    def __init__(self, lowered: MomentFunctions, p: Array) -> None:
         self.buffer, self.evaluate = lowered.rate.buffer()
         self.time, self.p = np.zeros(1), np.ascontiguousarray(p, dtype=float)
         give(self.buffer, 0, self.time)
@@ -64,9 +64,9 @@ class Rate:
             slope[~np.isfinite(slope)] = HUGE
 
 
-def gains(lowered: LoweredSystem, t: float, y: Array, p: Array) -> Array:
+def gains(lowered: MomentFunctions, t: float, y: Array, p: Array) -> Array:
     """N (n, n) at packed moments y."""
-    packing = lowered.equations.packing
+    packing = lowered.facts.packing
     V, dV, s, _ = (float(part) for part in lowered.motion(t, p))
     s = float(y[packing.moments]) if packing.distance else s
     return np.asarray(lowered.gain_matrix(y[: packing.moments], np.array([t, s, V, dV]), p))

@@ -10,11 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from cadet_sym.errors import ModelError, SolverError
-from cadet_sym.language.expression import DISTANCE, TIME
-from cadet_sym.lowering.system import LoweredSystem
+from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.solve.frozen import FrozenProblem, WheelTrack
 
-__all__ = ["Conditions", "conditions", "explicit_time", "freeze"]
+__all__ = ["Conditions", "conditions", "freeze"]
 
 Array = npt.NDArray[np.float64]
 
@@ -28,7 +27,7 @@ class Conditions:
 
 
 def conditions(
-    lowered: LoweredSystem, p: Array, speed: float | None = None, at: float | None = None
+    lowered: MomentFunctions, p: Array, speed: float | None = None, at: float | None = None
 ) -> Conditions:
     """The speed asked for, or that of the model at the start (or at the instant `at`), held constant (V' = 0).
 
@@ -37,14 +36,12 @@ def conditions(
     ModelError
         If the vehicle stands still, or a rate depends on t or s and no instant is named.
     """
-    system = lowered.equations.quasi_linear.system
+    facts = lowered.facts
     V, _, s, _ = (float(value) for value in lowered.motion(0.0 if at is None else at, p))
-    if system.model.ground is None:
+    if not facts.ground:
         V = 0.0
         if speed is not None:
-            raise ModelError(
-                f"a speed of {speed:g} was given, but `{system.model.name}` has no ground to travel on."
-            )
+            raise ModelError(f"a speed of {speed:g} was given, but the model has no ground to travel on.")
     elif speed is not None:
         if not (np.isfinite(speed) and speed > 0):
             raise ModelError(f"the speed is {speed:g}; stationary moments need a positive one.")
@@ -54,32 +51,17 @@ def conditions(
             f"the vehicle's speed is {V:g} at t = {0 if at is None else at:g}, where nothing excites it: "
             "name the speed to hold with --speed V (in Python `stationary(speed=V)`)."
         )
-    if at is None and (where := explicit_time(lowered)):
+    if at is None and facts.explicit:
         raise ModelError(
-            f"{where} explicitly, so that there is no stationary state. "
+            f"{facts.explicit} explicitly, so that there is no stationary state. "
             "Freeze it at an instant with --at T (in Python `stationary(at=T)`)."
         )
-    if at is not None and system.distance is None and system.needs_distance:
+    if at is not None and facts.needs_distance and not facts.known_distance:
         s = _distance(lowered, p, at)
     return Conditions(np.array([0.0 if at is None else at, s, V, 0.0]), p)
 
 
-def explicit_time(lowered: LoweredSystem) -> str:
-    """Say which rate or output depends on t or s itself; empty if none does."""
-    system = lowered.equations.quasi_linear.system
-    for state, rate in zip(system.states, system.drift, strict=True):
-        if found := rate.free_symbols & {TIME, DISTANCE}:
-            return f"the rate of `{state}` depends on `{next(iter(found))}`"
-    for name, output in system.outputs.items():
-        if found := output.free_symbols & {TIME, DISTANCE}:
-            return f"the output `{name}` depends on `{next(iter(found))}`"
-    for entry in (*system.noise_input, *system.intensity):
-        if found := entry.free_symbols & {TIME, DISTANCE}:
-            return f"the noise depends on `{next(iter(found))}`"
-    return ""
-
-
-def freeze(lowered: LoweredSystem, held: Conditions) -> FrozenProblem:
+def freeze(lowered: MomentFunctions, held: Conditions) -> FrozenProblem:
     """The stationary moment equations in plain numbers.
 
     Raises
@@ -87,13 +69,12 @@ def freeze(lowered: LoweredSystem, held: Conditions) -> FrozenProblem:
     SolverError
         If a coefficient is not finite there.
     """
-    equations = lowered.equations
     A, c, b, C, d, D = (np.asarray(part, dtype=float) for part in lowered.linear(held.context, held.p))
     for name, part in zip(("A", "c", "b", "C", "d", "D"), (A, c, b, C, d, D), strict=True):
         if not np.isfinite(part).all():
             raise SolverError(f"the coefficients {name} of the model are not finite; check the parameters.")
     n = len(A)
-    counts = [len(element.forms) for element in equations.quasi_linear.elements]
+    counts = lowered.facts.arguments
     return FrozenProblem(
         A=A,
         c=c.ravel(),
@@ -104,7 +85,7 @@ def freeze(lowered: LoweredSystem, held: Conditions) -> FrozenProblem:
         owner=np.repeat(np.arange(len(counts)), counts),
         elements=_Elements(lowered.elements, held),
         tracks=_tracks(lowered, held),
-        states=equations.states,
+        states=lowered.facts.states,
     )
 
 
@@ -143,9 +124,9 @@ def _placement(sparsity: ca.Sparsity) -> tuple[list[int], list[int]]:
     return list(rows), list(columns)
 
 
-def _tracks(lowered: LoweredSystem, held: Conditions) -> tuple[WheelTrack, ...]:
+def _tracks(lowered: MomentFunctions, held: Conditions) -> tuple[WheelTrack, ...]:
     """The wheels that follow each other, at the speed held."""
-    delay = lowered.equations.delay
+    delay = lowered.facts.delay
     if delay is None:
         return ()
     inputs, intensity, setbacks = (
@@ -167,7 +148,7 @@ def _tracks(lowered: LoweredSystem, held: Conditions) -> tuple[WheelTrack, ...]:
     return tuple(found)
 
 
-def _distance(lowered: LoweredSystem, p: Array, at: float) -> float:
+def _distance(lowered: MomentFunctions, p: Array, at: float) -> float:
     """Distance travelled by the time `at`."""
     from scipy.integrate import quad
 

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cadet_sym.delay import Gap, TrackDelay, radau
-from cadet_sym.lowering.system import LoweredSystem
+from cadet_sym.lowering.functions import MomentFunctions
 
 __all__ = ["GroundInverse"]
 
@@ -27,11 +27,11 @@ ComplexArray = npt.NDArray
 class GroundInverse:
     """(I - g L)^-1 on the correlation with the ground, for one model and one set of parameters."""
 
-    lowered: LoweredSystem
+    lowered: MomentFunctions
     p: Array
 
     def __post_init__(self) -> None:
-        delay = self.lowered.equations.delay
+        delay = self.lowered.facts.delay
         assert delay is not None
         self.tracks: tuple[TrackDelay, ...] = delay.tracks
         self._modes: tuple[npt.NDArray, npt.NDArray, npt.NDArray] | None = None
@@ -51,11 +51,11 @@ class GroundInverse:
         """Make the inverses of the elements for one g, at the speed and place of time t."""
         assert self._modes is not None
         V, dV, s, start = (float(part) for part in self.lowered.motion(t, self.p))
-        packing = self.lowered.equations.packing
+        packing = self.lowered.facts.packing
         if packing.distance:
             s = float(y[packing.moments])
         b, Q, setbacks = (np.asarray(part) for part in self.lowered.noise(np.array([t, s, V, dV]), self.p))
-        gated = bool(self.lowered.equations.gates)
+        gated = self.lowered.facts.gated
         self._speed, self._g = V, g
         self._wheels, self._elements = [], []
         for track in self.tracks:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cadet_sym.moments import Packing
+from cadet_sym.packing import Packing
 from cadet_sym.solve.ground import GroundInverse
 from cadet_sym.solve.lyapunov import ModalForm, modal_form
 

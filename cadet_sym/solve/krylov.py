@@ -16,7 +16,7 @@ from io import StringIO
 import numpy as np
 import numpy.typing as npt
 
-from cadet_sym.lowering.system import LoweredSystem
+from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.solve.breakdown import Breakdown
 from cadet_sym.solve.evaluate import Rate, gains
 from cadet_sym.solve.ground import GroundInverse
@@ -32,7 +32,7 @@ Array = npt.NDArray[np.float64]
 class Stepping:
     """The moment equations of one run under scikit-sundae's CVODE."""
 
-    lowered: LoweredSystem
+    lowered: MomentFunctions
     p: Array
     tolerance: Tolerance
     stiff: bool
@@ -42,11 +42,11 @@ class Stepping:
 
     def __post_init__(self) -> None:
         self.rate = Rate(self.lowered, self.p)
-        packing = self.lowered.equations.packing
+        packing = self.lowered.facts.packing
         self._index = PackedIndex(packing)
         self._scale = np.sqrt(np.maximum(self._diagonal(self.tolerance.size), 1e-300))
         self._form, self._inverse, self._g = None, None, 0.0
-        self._ground = None if self.lowered.equations.delay is None else GroundInverse(self.lowered, self.p)
+        self._ground = None if self.lowered.facts.delay is None else GroundInverse(self.lowered, self.p)
         self._pending: Array | None = None
 
     @property

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cadet_sym.moments import Packing
+from cadet_sym.packing import Packing
 
 __all__ = ["Tolerance", "fits", "peaks"]
 

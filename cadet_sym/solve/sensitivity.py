@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cadet_sym.errors import ModelError, SolverError
-from cadet_sym.lowering.system import LoweredSystem
+from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.solve.transient import Start
 
 __all__ = ["METHODS", "adjoint", "check_method", "forward", "quantity"]
@@ -44,7 +44,7 @@ class _Stretch:
 
 
 def forward(
-    lowered: LoweredSystem, start: Start, start_slope: Array, columns: Sequence[int], size: Array, times: Array
+    lowered: MomentFunctions, start: Start, start_slope: Array, columns: Sequence[int], size: Array, times: Array
 ) -> tuple[Array, Array]:
     """Packed moments (k, size) and their derivatives (k, size, c) in the chosen entries of p.
 
@@ -81,7 +81,7 @@ _Way = tuple[tuple[str, Any], ...]
 
 
 def _run_forward(
-    lowered: LoweredSystem, p: Array, columns: tuple[int, ...], stretch: _Stretch, z: Array, scale: Array, way: _Way
+    lowered: MomentFunctions, p: Array, columns: tuple[int, ...], stretch: _Stretch, z: Array, scale: Array, way: _Way
 ) -> Array:
     run = _integrator(lowered, columns, tuple((stretch.grid - stretch.begin).tolist()), way)
     return np.asarray(run(x0=z, p=ca.vertcat(p, scale, stretch.begin))["xf"]).T * scale
@@ -104,7 +104,7 @@ def _first_success(attempt: Callable[[_Way], Array], stretch: _Stretch) -> Array
 EXPLICIT: _Way = (("linear_multistep_method", "adams"), ("nonlinear_solver_iteration", "functional"))
 
 
-def adjoint(lowered: LoweredSystem, start: Start, size: Array, time: float, weight: Array) -> tuple[Array, Array]:
+def adjoint(lowered: MomentFunctions, start: Start, size: Array, time: float, weight: Array) -> tuple[Array, Array]:
     """Derivatives of weight . y(time) in p (parameters,) and in the start (size,), by one run backwards.
 
     Parameters
@@ -146,9 +146,9 @@ def _stretches(start: Start, times: Array) -> Iterator[_Stretch]:
 
 
 @lru_cache(maxsize=64)
-def _augmented(lowered: LoweredSystem, columns: tuple[int, ...]) -> ca.Function:
+def _augmented(lowered: MomentFunctions, columns: tuple[int, ...]) -> ca.Function:
     """(t, z, p) -> the rate of the moments and of their derivatives, z = [y; columns of S]."""
-    n, c = lowered.equations.packing.size, len(columns)
+    n, c = lowered.facts.packing.size, len(columns)
     t, z, p = ca.SX.sym("t"), ca.SX.sym("z", n * (1 + c)), ca.SX.sym("p", len(lowered.parameters))
     y, S = z[:n], ca.reshape(z[n:], n, c)
     g = lowered.rate(t, y, p)
@@ -171,15 +171,15 @@ _OPTIONS = {
 
 
 @lru_cache(maxsize=64)
-def _integrator(lowered: LoweredSystem, columns: tuple[int, ...], grid: tuple[float, ...], way: _Way) -> ca.Function:
+def _integrator(lowered: MomentFunctions, columns: tuple[int, ...], grid: tuple[float, ...], way: _Way) -> ca.Function:
     function = _augmented(lowered, columns)
     count, size = len(lowered.parameters), function.size1_in(1)
     return _scaled("forward", function, count, size, list(grid), way)
 
 
 @lru_cache(maxsize=64)
-def _plain(lowered: LoweredSystem, length: float) -> ca.Function:
-    return _scaled("plain", lowered.rate, len(lowered.parameters), lowered.equations.packing.size, [length])
+def _plain(lowered: MomentFunctions, length: float) -> ca.Function:
+    return _scaled("plain", lowered.rate, len(lowered.parameters), lowered.facts.packing.size, [length])
 
 
 def _scaled(name: str, rate: ca.Function, count: int, size: int, grid: list[float], way: _Way = ()) -> ca.Function:
@@ -205,10 +205,10 @@ def check_method(method: str) -> None:
         raise ModelError(f"`{method}` is not a way to find derivatives; those are: {', '.join(METHODS)}.")
 
 
-def quantity(lowered: LoweredSystem, name: str | tuple[str, str], moment: str) -> ca.Function:
+def quantity(lowered: MomentFunctions, name: str | tuple[str, str], moment: str) -> ca.Function:
     """(t, y, p) -> value, d/dy, d/dp of one mean, variance or covariance of states, or of an output's moments."""
-    packing, states = lowered.equations.packing, list(lowered.equations.states)
-    outputs = list(lowered.equations.quasi_linear.outputs)
+    packing, states = lowered.facts.packing, list(lowered.facts.states)
+    outputs = list(lowered.facts.outputs)
     t, y, p = ca.SX.sym("t"), ca.SX.sym("y", packing.size), ca.SX.sym("p", len(lowered.parameters))
     pair = name if isinstance(name, tuple) else (name, name)
     if moment not in ("mean", "variance"):

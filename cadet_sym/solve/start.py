@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 
-import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from cadet_sym.augmentation import FilterCopy
-from cadet_sym.language.expression import DISTANCE
-from cadet_sym.lowering.expressions import to_casadi
-from cadet_sym.lowering.initial import filter_matrices, vehicle_start
-from cadet_sym.lowering.system import LoweredSystem
+from cadet_sym.lowering.functions import MomentFunctions
 
 __all__ = ["profile_mean"]
 
@@ -22,69 +18,61 @@ DECAY = 40.0
 """Decay lengths of the slowest mode that are looked back on: exp(-40) is below rounding."""
 
 
-def profile_mean(lowered: LoweredSystem, p: Array) -> Array:
+def profile_mean(functions: MomentFunctions, p: Array) -> Array:
     """What the profile behind the start adds to the mean at t = 0, (n,).
 
     Each filter obeys xi' = C xi + o(s) in the mean; a profile that is zero behind every wheel adds nothing.
     """
-    system = lowered.equations.quasi_linear.system
-    mean = np.zeros(len(system.states))
-    if system.model.ground is None or system.model.initial.ground == "smooth":
+    facts = functions.facts
+    mean = np.zeros(facts.packing.n)
+    if facts.smooth or not any(place.profile for place in facts.filters):
         return mean
-    for copy in system.copies:
-        if not copy.filter.offset.is_zero_matrix:
-            mean[copy.states] = _response(lowered, copy, p)
-    nv = system.vehicle_size
-    linear = np.asarray(vehicle_start(lowered)(p)[1])
-    mean[:nv] = linear @ mean[nv:]
+    for k, place in enumerate(facts.filters):
+        if place.profile:
+            mean[place.start : place.start + place.size] = _response(functions, k, p)
+    linear = np.asarray(functions.vehicle_start(p)[1])
+    mean[: facts.vehicle] = linear @ mean[facts.vehicle :]
     return mean
 
 
-def _response(lowered: LoweredSystem, copy: FilterCopy, p: Array) -> npt.NDArray[np.floating]:
+_Along = Callable[[Array], tuple[Array, Array]]
+
+
+def _response(functions: MomentFunctions, k: int, p: Array) -> npt.NDArray[np.floating]:
     """State of one filter where its wheel stands at the start, from all the profile behind it."""
-    C = np.asarray(filter_matrices(lowered, copy)(p)[0])
+    setbacks, edges = (np.asarray(part).ravel() for part in functions.places(p))
+    here = float(functions.motion(0, p)[3]) - float(setbacks[k])
+
+    def along(s: Array) -> tuple[Array, Array]:
+        """C (m, r, r) and offset (m, r) at places (m,)."""
+        m, r = len(s), functions.facts.filters[k].size
+        found = functions.profiles.map(m)(s[None, :], np.tile(p[:, None], m))
+        C, offset = (np.asarray(found[2 * k + i], dtype=float) for i in (0, 1))
+        return C.reshape(r, m, r).transpose(1, 0, 2), offset.T
+
+    C = along(np.array([here]))[0][0]
     slowest = float(-np.linalg.eigvals(C).real.max())
     if not slowest > 1e-12 * np.abs(C).max():
         return np.zeros(len(C))
-    matrices, here = _along(lowered, copy, p)
     behind = here - DECAY / slowest
-    model = lowered.equations.quasi_linear.system.model
-    assert model.ground is not None
-    env = lowered.environment(ca.SX(4, 1), ca.SX(ca.DM(p)))
-    edges = [float(ca.evalf(ca.SX(to_casadi(place, env)))) for place in model.ground.breakpoints]
-    stops = [behind, *sorted(e for e in edges if behind < e < here), here]
+    stops = [behind, *sorted(e for e in edges.tolist() if behind < e < here), here]
     inside = np.concatenate([np.linspace(a, b, 42)[1:-1] for a, b in pairwise(stops)])
-    offsets = np.asarray(matrices.map(len(inside))(inside[None, :])[1])
-    if not np.any(offsets):
+    if not np.any(along(inside)[1]):
         return np.zeros(len(C))
-    return _integrated(matrices, stops)
+    return _integrated(along, stops)
 
 
-def _integrated(matrices: ca.Function, stops: list[float]) -> npt.NDArray[np.floating]:
+def _integrated(along: _Along, stops: list[float]) -> npt.NDArray[np.floating]:
     from scipy.integrate import solve_ivp
 
     def rate(s: float, xi: Array) -> Array:
-        C, offset = matrices(s)
-        return np.asarray(C) @ xi + np.asarray(offset).ravel()
+        C, offset = along(np.array([s]))
+        return C[0] @ xi + offset[0]
 
-    C, offset = (np.asarray(part) for part in matrices(stops[0]))
-    xi: Array = np.asarray(np.linalg.solve(C, -offset.ravel()), dtype=float)
+    C, offset = along(np.array(stops[:1]))
+    xi: Array = np.asarray(np.linalg.solve(C[0], -offset[0]), dtype=float)
     for begin, end in pairwise(stops):
         inset = 1e-12 * (end - begin)  # on the stretch's own side of its edges
         found = solve_ivp(rate, (begin + inset, end - inset), xi, method="DOP853", rtol=1e-11, atol=1e-14)
         xi = np.asarray(found.y[:, -1], dtype=float)
     return xi
-
-
-def _along(lowered: LoweredSystem, copy: FilterCopy, p: Array) -> tuple[ca.Function, float]:
-    """Give s -> C(s), offset(s) of a filter, and the place of its wheel at the start."""
-    s = ca.SX.sym("s")
-    start = float(lowered.motion(0, p)[3])
-    env = lowered.environment(ca.vertcat(0, s, 0, 0), ca.SX(ca.DM(p)))
-    setback = float(ca.evalf(ca.SX(to_casadi(copy.setback, env))))
-    env[DISTANCE] = s
-    parts = [
-        ca.densify(ca.vertcat(*(ca.horzcat(*(to_casadi(e, env) for e in row)) for row in matrix.tolist())))
-        for matrix in (copy.filter.C, copy.filter.offset)
-    ]
-    return ca.Function("along", [s], parts, ["s"], ["C", "offset"]), start - setback

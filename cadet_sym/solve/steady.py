@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from cadet_sym.delay import Gap, radau
 from cadet_sym.errors import ModelError
-from cadet_sym.lowering.system import LoweredSystem
+from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.solve.freeze import conditions, freeze
 from cadet_sym.solve.frozen import WheelTrack
 from cadet_sym.solve.stationary import stationary_point
@@ -17,7 +17,7 @@ __all__ = ["steady_start"]
 Array = npt.NDArray[np.float64]
 
 
-def steady_start(lowered: LoweredSystem, p: Array) -> Array:
+def steady_start(lowered: MomentFunctions, p: Array) -> Array:
     """Packed moments of the stationary state at the initial speed, the speed held, t = 0.
 
     Raises
@@ -27,23 +27,23 @@ def steady_start(lowered: LoweredSystem, p: Array) -> Array:
     SolverError
         If there is no stationary solution.
     """
-    equations = lowered.equations
+    facts = lowered.facts
     held = conditions(lowered, p, at=0.0)
     problem = freeze(lowered, held)
     point = stationary_point(problem)
     if point.drifting.any():
-        names = ", ".join(f"`{n}`" for n, drifts in zip(equations.states, point.drifting, strict=True) if drifts)
+        names = ", ".join(f"`{n}`" for n, drifts in zip(facts.states, point.drifting, strict=True) if drifts)
         raise ModelError(
             f'[initial] whole = "stationary": {names} drift{"s" if point.drifting.sum() == 1 else ""} without bound, '
             "so that the whole has no stationary state. Give the states their initial values one by one."
         )
-    parts = [equations.packing.pack(point.mean, point.covariance)]
-    if equations.packing.distance:
+    parts = [facts.packing.pack(point.mean, point.covariance)]
+    if facts.packing.distance:
         parts.append(np.array([held.context[1]]))
-    if equations.delay is not None:
+    if facts.delay is not None:
         y = parts[0]
         N = np.asarray(lowered.gain_matrix(y, held.context, p))
-        for track, wheels in zip(equations.delay.tracks, problem.tracks, strict=True):
+        for track, wheels in zip(facts.delay.tracks, problem.tracks, strict=True):
             parts.append(_correlation(track.gaps, wheels, N))
     return np.concatenate(parts)
 

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cadet_sym.errors import ModelError
-from cadet_sym.lowering.system import LoweredSystem
+from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.solve.breakdown import Breakdown, explain
 from cadet_sym.solve.cvodes import Direct
 from cadet_sym.solve.definite import lost, warn_of_loss
@@ -95,7 +95,7 @@ class Engine(Protocol):
 
 
 def integrate(
-    lowered: LoweredSystem,
+    lowered: MomentFunctions,
     start: Start,
     times: npt.ArrayLike,
     *,
@@ -124,7 +124,7 @@ def integrate(
     if engine not in ENGINES:
         raise ModelError(f"`{engine}` is not an engine; those are: {', '.join(ENGINES)}.")
     began = time.perf_counter()
-    packing = lowered.equations.packing
+    packing = lowered.facts.packing
     kind = engine if engine != "auto" else _choose(lowered, start, grid)
     size = _sizes(lowered, start, float(grid[-1]), kind, declared)
     y, used = _march(lowered, start, grid, kind, _tolerance(rtol, size), rtol)
@@ -133,7 +133,7 @@ def integrate(
         y, used = _march(lowered, start, grid, kind, _tolerance(rtol, size), rtol)
     if lost(y, packing).any():
         y, used = _march(lowered, start, grid, kind, _tolerance(rtol * 1e-3, size), rtol)
-        warn_of_loss(grid, y, packing, lowered.equations.states)
+        warn_of_loss(grid, y, packing, lowered.facts.states)
     statistics = {"steps": float(used.steps), "stretches": len(_edges(start, grid)) - 1.0}
     return Trajectory(grid, y, used.name, rtol, statistics | {"seconds": time.perf_counter() - began})
 
@@ -151,10 +151,10 @@ def check_times(times: npt.ArrayLike) -> Array:
     return grid
 
 
-def _choose(lowered: LoweredSystem, start: Start, grid: Array) -> str:
+def _choose(lowered: MomentFunctions, start: Start, grid: Array) -> str:
     """Direct while small; else by what explicit formulas would cost: the frequencies of P are sums of two of N's."""
-    packing = lowered.equations.packing
-    if lowered.equations.delay is not None:
+    packing = lowered.facts.packing
+    if lowered.facts.delay is not None:
         small = packing.size <= SMALL_DELAYED
     else:
         sparse = packing.size <= SPARSE and lowered.gain_matrix.nnz_out(0) <= 4 * packing.n
@@ -177,7 +177,7 @@ def _tolerance(rtol: float, size: Array) -> Tolerance:
     return Tolerance(max(tight**0.75 * rtol, 2e-14), tight**0.5 * ABSOLUTE, size)
 
 
-def _engine(lowered: LoweredSystem, p: Array, kind: str, tolerance: Tolerance) -> Engine:
+def _engine(lowered: MomentFunctions, p: Array, kind: str, tolerance: Tolerance) -> Engine:
     if kind == "direct":
         return Direct(lowered, p, tolerance)
     return Stepping(lowered, p, tolerance, stiff=kind != "explicit", full_newton=kind == "krylov")
@@ -185,11 +185,11 @@ def _engine(lowered: LoweredSystem, p: Array, kind: str, tolerance: Tolerance) -
 
 # -- sizes ------------------------------------------------------------------------------------------------
 
-_known_sizes: WeakKeyDictionary[LoweredSystem, dict[tuple[float, bytes], Array]] = WeakKeyDictionary()
+_known_sizes: WeakKeyDictionary[MomentFunctions, dict[tuple[float, bytes], Array]] = WeakKeyDictionary()
 
 
 def _sizes(
-    lowered: LoweredSystem, start: Start, duration: float, kind: str, declared: Callable[[], Start] | None
+    lowered: MomentFunctions, start: Start, duration: float, kind: str, declared: Callable[[], Start] | None
 ) -> Array:
     """How large every moment becomes over the duration, at the declared parameters if those are known."""
     kept = _known_sizes.setdefault(lowered, {})
@@ -201,9 +201,9 @@ def _sizes(
     return kept[key]
 
 
-def _rough_run(lowered: LoweredSystem, start: Start, duration: float, kind: str) -> Array:
+def _rough_run(lowered: MomentFunctions, start: Start, duration: float, kind: str) -> Array:
     """Sizes from a run with tolerances far below anything's size; guesses where that run fails."""
-    packing = lowered.equations.packing
+    packing = lowered.facts.packing
     slopes = np.hstack([np.asarray(lowered.rate(t, start.y, start.p)) for t in (0.0, duration / 2, duration)])
     largest = np.abs(start.y).max(initial=0.0) + np.abs(np.nan_to_num(slopes)).max() * max(duration, 1e-300)
     small = np.sqrt(largest) if largest > 0 else 1.0
@@ -226,7 +226,7 @@ def _edges(start: Start, grid: Array) -> list[float]:
 
 
 def _march(
-    lowered: LoweredSystem,
+    lowered: MomentFunctions,
     start: Start,
     grid: Array,
     kind: str,

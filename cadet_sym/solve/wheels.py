@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from cadet_sym.delay import choose_grid, grid_error
-from cadet_sym.lowering.initial import STANDING
-from cadet_sym.lowering.system import LoweredSystem
+from cadet_sym.delay import STANDING, choose_grid, grid_error
+from cadet_sym.lowering.functions import MomentFunctions
 
 __all__ = ["present_error", "suitable_grid"]
 
@@ -20,15 +19,15 @@ SLOWEST = 0.05
 """Speeds below this share of the highest are left out: the ground hardly excites anything there."""
 
 
-def suitable_grid(lowered: LoweredSystem, p: Array, moments: Array, duration: float) -> tuple[int, int]:
+def suitable_grid(lowered: MomentFunctions, p: Array, moments: Array, duration: float) -> tuple[int, int]:
     """The cheapest grid that resolves the modes of N at these moments over the speeds of a run (see `choose_grid`)."""
     exponents, rests = _exponents(lowered, p, moments, duration)
     return choose_grid(exponents, TOLERANCE, rests=rests)[0]
 
 
-def present_error(lowered: LoweredSystem, p: Array, moments: Array, duration: float) -> float:
+def present_error(lowered: MomentFunctions, p: Array, moments: Array, duration: float) -> float:
     """Estimated error of the grid that the equations have, for the gains at these moments."""
-    delay = lowered.equations.delay
+    delay = lowered.facts.delay
     assert delay is not None
     exponents, _ = _exponents(lowered, p, moments, duration)
     grids = {(gap.elements, gap.nodes) for track in delay.tracks for gap in track.gaps}
@@ -36,10 +35,10 @@ def present_error(lowered: LoweredSystem, p: Array, moments: Array, duration: fl
 
 
 def _exponents(
-    lowered: LoweredSystem, p: Array, moments: Array, duration: float
+    lowered: MomentFunctions, p: Array, moments: Array, duration: float
 ) -> tuple[npt.NDArray[np.complexfloating], bool]:
     """L l/V of all gaps L, speeds V of the run and eigenvalues l of N; and whether the vehicle stands somewhere."""
-    delay = lowered.equations.delay
+    delay = lowered.facts.delay
     assert delay is not None
     times = np.linspace(0.0, duration, 257)
     speeds = np.asarray(lowered.motion.map(len(times))(times[None, :], np.tile(p[:, None], len(times)))[0]).ravel()

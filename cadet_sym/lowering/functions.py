@@ -1,0 +1,178 @@
+"""The functions of a compiled model: read from the cache, or made of the moment equations when first asked for.
+
+A model that was compiled before brings its functions with it: its moment equations are written again, in SymPy, only if
+something is asked for that was never made.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import casadi as ca
+
+from cadet_sym.cache import Shelf
+from cadet_sym.lowering.facts import Facts
+
+if TYPE_CHECKING:
+    from cadet_sym.lowering.system import LoweredSystem
+    from cadet_sym.moments import MomentEquations
+
+__all__ = ["MomentFunctions"]
+
+
+def _kept(make: Callable[[MomentFunctions], ca.Function]) -> cached_property[ca.Function]:
+    """A function that is read from the cache, or else made, and kept there."""
+    name = make.__name__
+
+    def read(self: MomentFunctions) -> ca.Function:
+        if (known := self.read(name)) is not None:
+            return known
+        made = make(self)
+        self.write(name, made)
+        return made
+
+    read.__doc__ = make.__doc__
+    return cached_property(read)
+
+
+class MomentFunctions:
+    """The moment equations as CasADi functions of t, the packed moments y, the parameters p, and ctx = [t, s, V, V'].
+
+    Parameters
+    ----------
+    facts : what there is to know of them.
+    make : gives the moment equations, lowered; called when they are needed.
+    shelf : where functions are kept, if anywhere.
+    """
+
+    def __init__(self, facts: Facts, make: Callable[[], LoweredSystem], shelf: Shelf | None = None) -> None:
+        self.facts, self._make, self._shelf = facts, make, shelf
+
+    @cached_property
+    def symbolic(self) -> LoweredSystem:
+        """The moment equations in symbols, and the environment that turns expressions in them into CasADi's."""
+        return self._make()
+
+    @property
+    def equations(self) -> MomentEquations:
+        """The moment equations in symbols; through them every earlier stage."""
+        return self.symbolic.equations
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the entries of p."""
+        return self.facts.parameters
+
+    def read(self, name: str) -> ca.Function | None:
+        """A function from the cache; None if it is not there."""
+        text = None if self._shelf is None else self._shelf.read(f"{name}.casadi")
+        if text is None:
+            return None
+        with contextlib.suppress(RuntimeError, ValueError):
+            return ca.Function.deserialize(text.decode())
+        return None
+
+    def write(self, name: str, function: ca.Function) -> None:
+        """Keep a function in the cache."""
+        if self._shelf is not None:
+            self._shelf.write(f"{name}.casadi", function.serialize().encode())
+
+    @_kept
+    def rate(self) -> ca.Function:
+        """(t, y, p) -> dy/dt of the packed moments."""
+        return self.symbolic.rate
+
+    @_kept
+    def jacobian(self) -> ca.Function:
+        """(t, y, p) -> d(dy/dt)/dy, sparse."""
+        return self.symbolic.jacobian
+
+    @_kept
+    def held_rate(self) -> ca.Function:
+        """(t, s, V, y, p) -> dy/dt at a constant speed, wheels all on the ground."""
+        return self.symbolic.held_rate
+
+    @_kept
+    def outputs(self) -> ca.Function:
+        """(t, y, p) -> means and variances of the outputs."""
+        return self.symbolic.outputs
+
+    @_kept
+    def outputs_at(self) -> ca.Function:
+        """(y, ctx, p) -> means and variances of the outputs, speed and time given."""
+        return self.symbolic.outputs_at
+
+    @_kept
+    def output_rows(self) -> ca.Function:
+        """(ctx, p) -> for every output, the linear forms of the state that it depends on, (rows, n) each."""
+        return self.symbolic.output_rows
+
+    @_kept
+    def motion(self) -> ca.Function:
+        """(t, p) -> speed, its rate, the distance where it is known in closed form (else 0), and that at the start."""
+        return self.symbolic.motion
+
+    @_kept
+    def linear(self) -> ca.Function:
+        """(ctx, p) -> A, c, b, C, d, D of mu' = A mu + c + b F, z = C mu + d, wheels all on the ground."""
+        return self.symbolic.linear
+
+    @_kept
+    def elements(self) -> ca.Function:
+        """(theta, ctx, p) -> F, gain, dF/dtheta, dgain/dtheta; theta = [z means; covariances element by element]."""
+        return self.symbolic.elements
+
+    @_kept
+    def gain_matrix(self) -> ca.Function:
+        """(y, ctx, p) -> N = E[df/dx] at packed means and covariances, wheels all on the ground."""
+        return self.symbolic.gain_matrix
+
+    @_kept
+    def noise(self) -> ca.Function:
+        """(ctx, p) -> noise input b (n, m), intensity Q (m, m) and the setback of each column (m)."""
+        return self.symbolic.noise
+
+    @_kept
+    def initial(self) -> ca.Function:
+        """P -> the packed moments at the start, where the ground is stationary or flat."""
+        from cadet_sym.lowering.initial import initial_moments
+
+        return initial_moments(self.symbolic)
+
+    @_kept
+    def vehicle_start(self) -> ca.Function:
+        """P -> offset (nv), map (nv, nf), covariance (nv, nv) of the vehicle's initial state."""
+        from cadet_sym.lowering.initial import vehicle_start
+
+        return vehicle_start(self.symbolic)
+
+    @_kept
+    def filters(self) -> ca.Function:
+        """P -> C of every copy of the ground's filter where it stands at the start."""
+        from cadet_sym.lowering.initial import filters
+
+        return filters(self.symbolic)
+
+    @_kept
+    def profiles(self) -> ca.Function:
+        """(s, p) -> C and offset of every copy of the ground's filter, one after the other, at places on the ground."""
+        from cadet_sym.lowering.initial import profiles
+
+        return profiles(self.symbolic)
+
+    @_kept
+    def places(self) -> ca.Function:
+        """P -> setback of every copy of the ground's filter, places of the edges of the ground's profile."""
+        from cadet_sym.lowering.initial import places
+
+        return places(self.symbolic)
+
+    @_kept
+    def switches(self) -> ca.Function:
+        """(t, s, p) -> (functions of t alone, functions of s too): a change of sign of any is a breakpoint."""
+        from cadet_sym.lowering.switches import switch_functions
+
+        return switch_functions(self.symbolic)

@@ -1,0 +1,79 @@
+"""Take down what the numeric stages need to know of the moment equations, in names and numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from cadet_sym.augmentation import AugmentedSystem
+from cadet_sym.expectation.accuracy import WARNED
+from cadet_sym.expectation.describing import DescribingFunction
+from cadet_sym.language.expression import DISTANCE, TIME
+from cadet_sym.linearisation import OutputForm
+from cadet_sym.lowering.facts import Facts, FilterPlace
+from cadet_sym.moments import MomentEquations
+
+__all__ = ["is_accurate", "survey"]
+
+
+def survey(equations: MomentEquations, parameters: tuple[str, ...]) -> Facts:
+    """The facts of a system of moment equations."""
+    quasi_linear = equations.quasi_linear
+    system, initial = quasi_linear.system, quasi_linear.system.model.initial
+    closed = all(not describing.nodes for describing in _describing(equations))
+    return Facts(
+        states=equations.states,
+        outputs=tuple(quasi_linear.outputs),
+        parameters=parameters,
+        packing=equations.packing,
+        vehicle=system.vehicle_size,
+        arguments=tuple(len(element.forms) for element in quasi_linear.elements),
+        ground=system.model.ground is not None,
+        smooth=initial.ground == "smooth",
+        whole=bool(initial.whole),
+        known_distance=system.distance is not None,
+        needs_distance=system.needs_distance,
+        gated=bool(equations.gates),
+        explicit=_explicit(system),
+        filters=tuple(
+            FilterPlace(
+                copy.contact, copy.start, len(copy.filter.states), profile=not copy.filter.offset.is_zero_matrix
+            )
+            for copy in system.copies
+        ),
+        delay=equations.delay,
+        # A quadrature may choose its order by the parameters' numbers, the order of wheels is that of their setbacks.
+        general=closed and len(system.copies) < 2,
+    )
+
+
+def is_accurate(equations: MomentEquations) -> bool:
+    """Whether no expectation is so inexact that a warning is due whenever it is used."""
+    return all(describing.error <= WARNED for describing in _describing(equations))
+
+
+def _describing(equations: MomentEquations) -> Iterator[DescribingFunction]:
+    for element in equations.quasi_linear.elements:
+        yield element.describing
+    for form in equations.quasi_linear.outputs.values():
+        yield from _of_output(form)
+
+
+def _of_output(form: OutputForm) -> Iterator[DescribingFunction]:
+    for element in form.elements:
+        yield element.describing
+    for product in form.products.values():
+        yield from _of_output(product)
+
+
+def _explicit(system: AugmentedSystem) -> str:
+    """Say which rate or output depends on t or s itself; empty if none does."""
+    for state, rate in zip(system.states, system.drift, strict=True):
+        if found := rate.free_symbols & {TIME, DISTANCE}:
+            return f"the rate of `{state}` depends on `{next(iter(found))}`"
+    for name, output in system.outputs.items():
+        if found := output.free_symbols & {TIME, DISTANCE}:
+            return f"the output `{name}` depends on `{next(iter(found))}`"
+    for entry in (*system.noise_input, *system.intensity):
+        if found := entry.free_symbols & {TIME, DISTANCE}:
+            return f"the noise depends on `{next(iter(found))}`"
+    return ""

@@ -1,0 +1,50 @@
+"""The order in which the moments stand in one vector."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["Packing"]
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Packing:
+    """y = [mean (n); lower triangle of P, column by column; what else is integrated alongside]."""
+
+    n: int
+    distance: bool = False  # the distance travelled is integrated too
+    ground: int = 0  # values of the correlation with the ground between the wheels (see `delay`)
+
+    @property
+    def moments(self) -> int:
+        """Number of means and covariances."""
+        return self.n + self.n * (self.n + 1) // 2
+
+    @property
+    def size(self) -> int:
+        """Number of all values in y."""
+        return self.moments + int(self.distance) + self.ground
+
+    @cached_property
+    def triangle(self) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+        """Rows and columns of the packed covariances, in order."""
+        columns, rows = np.triu_indices(self.n)
+        return rows, columns
+
+    def pack(self, mean: Array, covariance: Array) -> Array:
+        """Means (n,) and covariance (n, n) as one vector of `moments` values."""
+        rows, columns = self.triangle
+        return np.concatenate([mean, covariance[rows, columns]])
+
+    def unpack(self, y: Array) -> tuple[Array, Array]:
+        """Mean (..., n) and symmetric covariance (..., n, n) of packed moments (..., size)."""
+        rows, columns = self.triangle
+        covariance = np.empty((*y.shape[:-1], self.n, self.n))
+        covariance[..., rows, columns] = covariance[..., columns, rows] = y[..., self.n : self.moments]
+        return y[..., : self.n].copy(), covariance
