@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
@@ -420,15 +420,13 @@ class CompiledModel:
         )
 
     def _provenance(self, engine: str, rtol: float, statistics: Mapping[str, float], p: Array) -> Provenance:
-        from importlib.metadata import version  # late: it takes longer to import than much of this package
-
         return Provenance(
             engine=engine,
             rtol=rtol,
             statistics=statistics,
             parameters=dict(zip(self.parameters, p.tolist(), strict=True)),
             model_hash=self.declaration.hash,
-            version=version("cadet-sym"),
+            version=_version(),
         )
 
     def _wheel_error(self, trajectory: Trajectory, p: Array) -> dict[str, float]:
@@ -494,6 +492,13 @@ class CompiledModel:
             output_variance=output_variance,
             provenance=self._provenance(trajectory.engine, trajectory.rtol, {**trajectory.statistics, **more}, p),
         )
+
+
+@cache
+def _version() -> str:
+    from importlib.metadata import version  # late: it takes longer to import than much of this package
+
+    return version("cadet-sym")
 
 
 def _sees(rows: Array, drift: Array) -> bool:

@@ -166,11 +166,10 @@ def test_a_model_read_after_its_file_changed_is_refused(path):
         assert kept.model
 
 
-def test_equal_models_in_another_order_keep_their_own_order(path):
+def test_equations_in_another_order_keep_their_own_order(path):
     first = cs.load(path)
     path.write_text(MODEL.replace('x = "v"\n', "").replace('+ w"\n', '+ w"\nx = "v"\n', 1))
     second = cs.load(path)
-    assert first.hash == second.hash
     assert cs.compile(first).propagate().states == ("x", "v")
     assert cs.compile(second).propagate().states == ("v", "x")
     np.testing.assert_allclose(

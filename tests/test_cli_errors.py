@@ -195,13 +195,13 @@ def test_debug_shows_where_it_arose(tmp_path):
 def test_what_a_library_prints_does_not_reach_the_json(capsys, monkeypatch):
     import cadet_sym as cs
 
-    load = cs.load
+    compile_model = cs.compile
 
-    def noisy(path):
+    def noisy(*arguments, **options):
         print("a library speaks")
-        return load(path)
+        return compile_model(*arguments, **options)
 
-    monkeypatch.setattr(cs, "load", noisy)
+    monkeypatch.setattr(cs, "compile", noisy)
     assert main(["moments", str(ROOT / "models" / "duffing.toml"), "--points", "2", "--json"]) == 0
     out, err = capsys.readouterr()
     assert json.loads(out)["model"]
@@ -213,13 +213,13 @@ def test_a_warning_is_one_line_on_standard_error(capsys, monkeypatch):
 
     import cadet_sym as cs
 
-    load = cs.load
+    compile_model = cs.compile
 
-    def wary(path):
+    def wary(*arguments, **options):
         warnings.warn("element `spring` is known to 1e-6 only", stacklevel=1)
-        return load(path)
+        return compile_model(*arguments, **options)
 
-    monkeypatch.setattr(cs, "load", wary)
+    monkeypatch.setattr(cs, "compile", wary)
     with warnings.catch_warnings():
         warnings.simplefilter("default")
         assert main(["moments", str(ROOT / "models" / "duffing.toml"), "--points", "2", "--json"]) == 0
