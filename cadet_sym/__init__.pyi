@@ -2,6 +2,8 @@
 
 from .augmentation import AugmentedSystem as AugmentedSystem
 from .augmentation import augment as augment
+from .bifurcation import SolutionBranches as SolutionBranches
+from .bifurcation import branches as branches
 from .compiled import CompiledModel as CompiledModel
 from .compiled import compile as compile
 from .errors import CadetError as CadetError

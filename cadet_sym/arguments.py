@@ -9,7 +9,7 @@ import numpy as np
 
 from cadet_sym.errors import ModelError
 
-__all__ = ["one_set_each", "parse_setting", "parse_sweep", "parse_times"]
+__all__ = ["one_set_each", "parse_range", "parse_setting", "parse_sweep", "parse_times"]
 
 SETTING = re.compile(r"[^\W\d]\w*=.+")
 
@@ -56,3 +56,17 @@ def parse_sweep(text: str) -> tuple[str, np.ndarray]:
     except ValueError:
         raise ModelError(f"--sweep {text}: expected NAME=LO:HI:N, as in --sweep r=0:1:11") from None
     return found[1], np.linspace(low, high, count)
+
+
+def parse_range(text: str, option: str) -> tuple[str, tuple[float, float]]:
+    """Name and ends of a range, behind the option named."""
+    found = re.fullmatch(r"\s*([^=]+?)\s*=([^:]+):([^:]+)", text)
+    try:
+        if not found:
+            raise ValueError
+        low, high = float(found[2]), float(found[3])
+        if not (np.isfinite([low, high]).all() and low < high):
+            raise ValueError
+    except ValueError:
+        raise ModelError(f"{option} {text}: expected NAME=LO:HI with LO below HI, as in {option} r=0:1") from None
+    return found[1], (low, high)

@@ -17,7 +17,7 @@ import numpy as np
 import typer
 
 import cadet_sym as cs
-from cadet_sym.arguments import one_set_each, parse_setting, parse_sweep, parse_times
+from cadet_sym.arguments import one_set_each, parse_range, parse_setting, parse_sweep, parse_times
 from cadet_sym.errors import CadetError, ModelError, SolverError
 from cadet_sym.files import DATA_SUFFIXES, FIGURE_SUFFIXES, check_target
 from cadet_sym.results import StationarySolutions, StationarySweep
@@ -110,14 +110,32 @@ def stationary(
         str | None,
         typer.Option(metavar="NAME=LO:HI:N", help="Repeat for N values of a parameter."),
     ] = None,
+    branches: Annotated[
+        str | None,
+        typer.Option(metavar="NAME=LO:HI", help="Follow every solution over a range, through folds; NAME may be speed."),
+    ] = None,
     as_json: Json = False,
     save: Save = None,
     plot: Plot = None,
 ) -> None:
     """Find the stationary mean and covariance."""
     _check_targets((save, DATA_SUFFIXES), (plot, FIGURE_SUFFIXES))
-    if plot and not sweep:
-        raise ModelError("--plot draws stationary moments along a parameter; add --sweep NAME=LO:HI:N")
+    if plot and not (sweep or branches):
+        raise ModelError("--plot draws stationary moments along a parameter; add --sweep NAME=LO:HI:N or --branches")
+    if branches:
+        if sweep or every:
+            raise ModelError("--branches finds all solutions over a whole range; leave out --sweep and --all")
+        parameter, limits = parse_range(branches, "--branches")
+        with _computing():
+            curves = cs.branches(_load(model, settings), parameter, limits, speed=speed, at=at)
+            if save:
+                curves.save(save)
+            if plot:
+                curves.plot(plot)
+        _print_json(curves.to_dict()) if as_json else print(curves)
+        if not as_json:
+            _print_written(save, plot)
+        return
     with _computing():
         compiled = _compile(model, settings)
         search = partial(_solutions, compiled, speed=speed, at=at, every=every)

@@ -383,43 +383,40 @@ class CompiledModel:
         p = self.parameter_vector(parameters)
         held = conditions(self.functions, p, speed, at)
         problem = freeze(self.functions, held)
-        offset = np.asarray(self.functions.vehicle_start(p)[0]).ravel()
-        start = np.concatenate([offset, np.zeros(problem.n - len(offset))])
-        rest = (start, np.zeros((problem.n, problem.n)))
+        rest = self.rest(p)
         points = stationary_points(problem, rest) if all else (stationary_point(problem, rest),)
         found = tuple(self._fixed_point(point, held) for point in points)
         return StationarySolutions(found) if all else found[0]
 
+    def rest(self, p: Array) -> tuple[Array, Array]:
+        """Mean and covariance from which stationary moments are looked for: the declared start, without any spread."""
+        n = len(self.states)
+        offset = np.asarray(self.functions.vehicle_start(p)[0]).ravel()
+        return np.concatenate([offset, np.zeros(n - len(offset))]), np.zeros((n, n))
+
     def _fixed_point(self, point: StationaryPoint, held: Conditions) -> StationaryMoments:
-        """Name the moments of a stationary point; what drifts has none."""
-        y = self.packing.pack(point.mean, point.covariance)
-        pair = self.functions.outputs_at(y, held.context, held.p)
-        mean, variance = (np.asarray(part).ravel() for part in pair)
-        rows = self.functions.output_rows(held.context, held.p)
-        rows = rows if isinstance(rows, tuple | list) else (rows,)[: len(self.outputs)]
-        loose = np.array([_sees(np.asarray(row), point.drift) for row in rows], dtype=bool)
-        mean[loose] = variance[loose] = np.nan
-        state_mean, covariance = point.mean.copy(), point.covariance.copy()
-        state_mean[point.drifting] = np.nan
-        covariance[point.drifting, :] = covariance[:, point.drifting] = np.nan
-        names = (*self.states, *self.outputs)
+        """Name the moments of a stationary point."""
+        from cadet_sym.solve.named import name_moments
+
+        named = name_moments(self.functions, point.mean, point.covariance, point.drift, held)
         return StationaryMoments(
             model=self.declaration.name,
             states=self.states,
             outputs=self.outputs,
-            state_mean=state_mean,
-            state_covariance=covariance,
-            output_mean=mean,
-            output_variance=variance,
+            state_mean=named.state_mean,
+            state_covariance=named.state_covariance,
+            output_mean=named.output_mean,
+            output_variance=named.output_variance,
             stable=point.stable,
             residual=point.residual,
             eigenvalues=point.eigenvalues,
-            drifting=tuple(n for n, d in zip(names, (*point.drifting, *loose), strict=True) if d),
+            drifting=named.drifting,
             path=point.path,
-            provenance=self._provenance(f"exact Newton ({point.path[-1]})", 0.0, {}, held.p),
+            provenance=self.provenance(f"exact Newton ({point.path[-1]})", 0.0, {}, held.p),
         )
 
-    def _provenance(self, engine: str, rtol: float, statistics: Mapping[str, float], p: Array) -> Provenance:
+    def provenance(self, engine: str, rtol: float, statistics: Mapping[str, float], p: Array) -> Provenance:
+        """How a result of this model was obtained, at the parameters p."""
         return Provenance(
             engine=engine,
             rtol=rtol,
@@ -490,7 +487,7 @@ class CompiledModel:
             state_covariance=covariance,
             output_mean=output_mean,
             output_variance=output_variance,
-            provenance=self._provenance(trajectory.engine, trajectory.rtol, {**trajectory.statistics, **more}, p),
+            provenance=self.provenance(trajectory.engine, trajectory.rtol, {**trajectory.statistics, **more}, p),
         )
 
 
@@ -499,11 +496,3 @@ def _version() -> str:
     from importlib.metadata import version  # late: it takes longer to import than much of this package
 
     return version("cadet-sym")
-
-
-def _sees(rows: Array, drift: Array) -> bool:
-    """Whether linear forms of the state have a part in a drifting direction."""
-    if not drift.size:
-        return False
-    parts = np.abs(rows @ drift).max(initial=0.0)
-    return bool(parts > 1e-9 * np.abs(rows).max(initial=1e-300))

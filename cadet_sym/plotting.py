@@ -15,9 +15,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from cadet_sym.bifurcation import SolutionBranch, SolutionBranches
     from cadet_sym.simulation import Ensemble
 
-__all__ = ["moments_figure", "save_figure", "sweep_figure"]
+__all__ = ["branches_figure", "moments_figure", "save_figure", "sweep_figure"]
 
 LINE, POINTS, FAINT = "#14446e", "#c8541b", "#d9d9d9"
 
@@ -85,6 +86,24 @@ def sweep_figure(sweep: StationarySweep, names: Sequence[str] = (), unit: str = 
     return figure
 
 
+def branches_figure(branches: SolutionBranches, names: Sequence[str] = ()) -> Figure:
+    """Stationary mean and variance of each of ``names`` along the branches: stable solid, unstable dashed, folds dots."""
+    first = branches.branches[0]
+    shown = tuple(name for name in (first.outputs or first.states) if name not in branches.drifting)
+    rows = tuple(names) or shown or first.states
+    unit = f" ({branches.unit})" if branches.unit else ""
+    with _style():
+        figure, panels = _panels(rows, f"{branches.parameter}{unit}")
+        for name, pair in zip(rows, panels, strict=True):
+            for axes, moment in zip(pair, ("mean", "variance"), strict=True):
+                for branch in branches.branches:
+                    _draw_branch(axes, branch, getattr(branch, moment)[name])
+        panels[0, 0].set_xlim(*branches.range)
+        several = len(branches.folds) or not all(branch.stable.all() for branch in branches.branches)
+        _finish(figure, panels, f"{branches.model}: stationary moments", legend=bool(several))
+    return figure
+
+
 def save_figure(figure: Figure, path: str | Path) -> Path:
     """Write a figure as .png, .pdf or .svg, by the suffix; whole or not at all.
 
@@ -126,6 +145,8 @@ def _finish(figure: Figure, panels: Any, title: str, *, legend: bool) -> None:
     """Title on top, and one legend for all panels under it."""
     if legend:
         handles, labels = panels[0, 0].get_legend_handles_labels()
+        known = dict(zip(labels, handles, strict=True))  # each once
+        handles, labels = list(known.values()), list(known)
         figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
     figure.suptitle(title, fontsize=10.5)
 
@@ -153,6 +174,15 @@ def _draw_branches(axes: Axes, at: np.ndarray, values: np.ndarray, stable: np.nd
         axes.plot(at, values, color=LINE, zorder=2)
     axes.plot(at[stable], values[stable], "o", color=LINE, markersize=3.5, label="stable", zorder=3)
     axes.plot(at[~stable], values[~stable], "o", color=POINTS, mfc="white", markersize=4, label="unstable", zorder=3)
+
+
+def _draw_branch(axes: Axes, branch: SolutionBranch, values: np.ndarray) -> None:
+    for points, stable in branch.pieces():
+        color, style, label = (LINE, "-", "stable") if stable else (POINTS, "--", "unstable")
+        axes.plot(branch.values[points], values[points], style, color=color, label=label, zorder=3 if stable else 2)
+    if branch.folds:
+        at = list(branch.folds)
+        axes.plot(branch.values[at], values[at], "o", color="black", markersize=3, label="fold", zorder=4)
 
 
 def _printed(name: str) -> str:

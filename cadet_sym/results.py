@@ -22,10 +22,13 @@ if TYPE_CHECKING:
 
 __all__ = [
     "MomentHistory",
+    "NamedMoments",
     "Provenance",
     "StationaryMoments",
     "StationarySolutions",
     "StationarySweep",
+    "coordinates",
+    "freeze",
     "provenance_line",
 ]
 
@@ -54,8 +57,8 @@ class Provenance:
         }
 
 
-class _Moments:
-    """Names for the moments of one record: what a history and a stationary solution share."""
+class NamedMoments:
+    """Names for the moments of one record: what a history, a stationary solution and a branch share."""
 
     states: tuple[str, ...]
     outputs: tuple[str, ...]
@@ -87,7 +90,7 @@ class _Moments:
         """Zero-lag covariances of states by pairs of names, and variances of outputs."""
         return LabelledCovariance(self.states, self.state_covariance, self.outputs, self.output_variance)
 
-    def _seal(self, *leading: int) -> None:
+    def seal(self, *leading: int) -> None:
         """Take the arrays as they are to stay: floats, of the shape that the names say, read-only."""
         n, m = len(self.states), len(self.outputs)
         shapes = {
@@ -97,7 +100,7 @@ class _Moments:
             "output_variance": (m,),
         }
         for name, shape in shapes.items():
-            _freeze(self, name, (*leading, *shape))
+            freeze(self, name, (*leading, *shape))
 
     def columns(self) -> dict[str, np.ndarray]:
         """Every moment once, by a name a spreadsheet can show."""
@@ -111,7 +114,7 @@ class _Moments:
 
 
 @dataclass(frozen=True, eq=False)
-class MomentHistory(_Moments):
+class MomentHistory(NamedMoments):
     """Mean and zero-lag covariance of every state, mean and variance of every output, against time."""
 
     model: str
@@ -125,8 +128,8 @@ class MomentHistory(_Moments):
     provenance: Provenance
 
     def __post_init__(self) -> None:
-        _freeze(self, "time", (len(self.time),))
-        self._seal(len(self.time))
+        freeze(self, "time", (len(self.time),))
+        self.seal(len(self.time))
 
     def to_dict(self) -> dict[str, Any]:
         """The history as plain lists and numbers: what ``cadet-sym moments --json`` prints."""
@@ -154,7 +157,7 @@ class MomentHistory(_Moments):
                 "output_mean": (("time", "output"), self.output_mean),
                 "output_variance": (("time", "output"), self.output_variance),
             },
-            coords=_coordinates(self.states, self.outputs) | {"time": ("time", self.time, {"units": "s"})},
+            coords=coordinates(self.states, self.outputs) | {"time": ("time", self.time, {"units": "s"})},
             attrs={"model": self.model, **self.provenance.attributes()},
         )
 
@@ -193,7 +196,7 @@ class MomentHistory(_Moments):
 
 
 @dataclass(frozen=True, eq=False)
-class StationaryMoments(_Moments):
+class StationaryMoments(NamedMoments):
     """One fixed point of the moment equations: mean and covariance that stay as they are."""
 
     model: str
@@ -211,7 +214,7 @@ class StationaryMoments(_Moments):
     provenance: Provenance
 
     def __post_init__(self) -> None:
-        self._seal()
+        self.seal()
 
     def to_dict(self) -> dict[str, Any]:
         """What ``cadet-sym stationary --json`` prints for this one solution."""
@@ -310,7 +313,7 @@ class StationarySweep:
     failures: Mapping[float, str]  # value: why there is no solution
 
     def __post_init__(self) -> None:
-        _freeze(self, "values", (len(self.solutions),))
+        freeze(self, "values", (len(self.solutions),))
 
     @property
     def found(self) -> tuple[StationaryMoments, ...]:
@@ -368,7 +371,7 @@ def _stationary_set(solutions: Sequence[StationaryMoments]) -> xr.Dataset:
             "stable": ("solution", np.array([each.stable for each in solutions])),
             "residual": ("solution", np.array([each.residual for each in solutions])),
         },
-        coords=_coordinates(first.states, first.outputs),
+        coords=coordinates(first.states, first.outputs),
         attrs={"model": first.model, "drifting": " ".join(first.drifting), **first.provenance.attributes()},
     )
 
@@ -382,12 +385,14 @@ def _stationary_columns(solutions: Sequence[StationaryMoments]) -> dict[str, np.
     return columns | {name: np.array([table[name] for table in tables]) for name in tables[0]}
 
 
-def _coordinates(states: Sequence[str], outputs: Sequence[str]) -> dict[str, Any]:
+def coordinates(states: Sequence[str], outputs: Sequence[str]) -> dict[str, Any]:
+    """Coordinates of a data set with dimensions state, state_2 and output."""
     names = np.array(states, dtype=str), np.array(outputs, dtype=str)
     return {"state": names[0], "state_2": names[0], "output": names[1]}
 
 
-def _freeze(record: Any, name: str, shape: tuple[int, ...]) -> None:
+def freeze(record: Any, name: str, shape: tuple[int, ...]) -> None:
+    """Make an array of a record floats of the shape asked for, read-only."""
     array = np.array(getattr(record, name), dtype=float)
     if array.shape != shape:
         kind = type(record).__name__

@@ -18,7 +18,7 @@ from cadet_sym.solve.search import SAME, stationary_points
 from cadet_sym.solve.stability import stability
 from cadet_sym.solve.stationary import StationaryPoint
 
-__all__ = ["Branch", "Branches", "find_branches", "follow_branches"]
+__all__ = ["Branch", "Branches", "find_branches", "follow_branches", "stable_pieces"]
 
 Array = np.ndarray
 
@@ -46,12 +46,7 @@ class Branch:
 
     def pieces(self) -> list[tuple[slice, bool]]:
         """Stretches of equal stability, sharing their end points: (points, stable), to be drawn solid or dashed."""
-        changes = np.flatnonzero(self.stable[1:] != self.stable[:-1]) + 1
-        bounds = [0, *changes, len(self)]
-        return [
-            (slice(int(first), int(min(last + 1, len(self)))), bool(self.stable[first]))
-            for first, last in pairwise(bounds)
-        ]
+        return stable_pieces(self.stable)
 
 
 @dataclass(frozen=True)
@@ -77,6 +72,15 @@ class Branches:
                 span = past[i + 1] - past[i]
                 found.append((number, float(i - past[i] / span) if span else float(i)))
         return found
+
+
+def stable_pieces(stable: Array) -> list[tuple[slice, bool]]:
+    """Stretches of equal stability (k,) along a curve, sharing their end points: (points, stable)."""
+    changes = np.flatnonzero(stable[1:] != stable[:-1]) + 1
+    bounds = [0, *changes, len(stable)]
+    return [
+        (slice(int(first), int(min(last + 1, len(stable)))), bool(stable[first])) for first, last in pairwise(bounds)
+    ]
 
 
 def find_branches(
