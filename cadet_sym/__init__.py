@@ -19,6 +19,7 @@ Read it in the order in which a model passes through it:
     export/          C that stands alone
     sweeps.py        the same model at many values of its parameters
     bifurcation.py   stationary moments followed over the range of one parameter
+    optimisation.py  parameters chosen so that a statistic of the stationary state is least
     simulation/      the judge: Monte Carlo of the original model, which shares nothing after augmentation.py
     controlled.py    the judge helped by what it judges: the quasi-linear system as control variate
     report/          the verdict: what CADET says against what the judge says

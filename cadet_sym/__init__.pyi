@@ -35,6 +35,10 @@ from .lowering.check import ElementCheck as ElementCheck
 from .lowering.check import check as check
 from .moments import MomentEquations as MomentEquations
 from .moments import moment_equations as moment_equations
+from .optima import Optimum as Optimum
+from .optima import TradeOff as TradeOff
+from .optimisation import optimise as optimise
+from .optimisation import trade_off as trade_off
 from .report import Comparison as Comparison
 from .report import compare as compare
 from .results import MomentHistory as MomentHistory

@@ -44,8 +44,8 @@ def parse_times(text: str) -> list[float]:
         ) from None
 
 
-def parse_sweep(text: str) -> tuple[str, np.ndarray]:
-    """Name and values of a sweep."""
+def parse_sweep(text: str, option: str = "--sweep") -> tuple[str, np.ndarray]:
+    """Name and values of a sweep, behind the option named."""
     found = re.fullmatch(r"\s*([^=]+?)\s*=([^:]+):([^:]+):\s*(\d+)\s*", text)
     try:
         if not found:
@@ -54,7 +54,7 @@ def parse_sweep(text: str) -> tuple[str, np.ndarray]:
         if count < 1 or not np.isfinite([low, high]).all():
             raise ValueError
     except ValueError:
-        raise ModelError(f"--sweep {text}: expected NAME=LO:HI:N, as in --sweep r=0:1:11") from None
+        raise ModelError(f"{option} {text}: expected NAME=LO:HI:N, as in {option} r=0:1:11") from None
     return found[1], np.linspace(low, high, count)
 
 

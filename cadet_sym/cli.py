@@ -160,6 +160,50 @@ def stationary(
 
 
 @app.command()
+def optimise(
+    model: ModelPath,
+    minimise: Annotated[str, typer.Option(metavar="EXPRESSION", help="As variance(closure): what is to be least.")],
+    over: Annotated[list[str], typer.Option(metavar="NAME=LO:HI", help="A parameter that is free; may be repeated.")],
+    subject_to: Annotated[
+        list[str] | None, typer.Option(metavar="COMPARISON", help="As 'std(stroke) <= 0.02'; may be repeated.")
+    ] = None,
+    against: Annotated[
+        str | None, typer.Option(metavar="EXPRESSION=LO:HI:N", help="Draw the trade-off: the least for N limits on this.")
+    ] = None,
+    starts: Annotated[int, typer.Option(metavar="N", min=1, help="Searches, from the declared and random values.")] = 1,
+    settings: Settings = None,
+    speed: Annotated[float | None, typer.Option(metavar="V", help="Speed; V(0) if not given.")] = None,
+    at: Annotated[float | None, typer.Option(metavar="T", help="Freeze explicit time at T.")] = None,
+    as_json: Json = False,
+    save: Save = None,
+    plot: Plot = None,
+) -> None:
+    """Choose parameters so that a statistic of the stationary state is least."""
+    _check_targets((save, DATA_SUFFIXES), (plot, FIGURE_SUFFIXES))
+    if plot and not against:
+        raise ModelError("--plot draws a trade-off; add --against EXPRESSION=LO:HI:N")
+    ranges = dict(parse_range(text, "--over") for text in over)
+    with _computing():
+        task: dict[str, Any] = {"minimise": minimise, "over": ranges, "subject_to": subject_to or ()}
+        task |= {"starts": starts, "speed": speed, "at": at}
+        declared = _load(model, settings)
+        if against:
+            other, limits = parse_sweep(against, "--against")
+            found = cs.trade_off(declared, against=other, limits=limits, **task)
+            if plot:
+                found.plot(plot)
+        else:
+            found = cs.optimise(declared, **task)
+        if save:
+            found.save(save)
+    if as_json:
+        _print_json(found.to_dict())
+    else:
+        print(found)
+        _print_written(save, plot)
+
+
+@app.command()
 def validate(
     model: ModelPath,
     settings: Settings = None,

@@ -16,9 +16,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from cadet_sym.bifurcation import SolutionBranch, SolutionBranches
+    from cadet_sym.optima import TradeOff
     from cadet_sym.simulation import Ensemble
 
-__all__ = ["branches_figure", "moments_figure", "save_figure", "sweep_figure"]
+__all__ = ["branches_figure", "moments_figure", "save_figure", "sweep_figure", "trade_off_figure"]
 
 LINE, POINTS, FAINT = "#14446e", "#c8541b", "#d9d9d9"
 
@@ -101,6 +102,37 @@ def branches_figure(branches: SolutionBranches, names: Sequence[str] = ()) -> Fi
         panels[0, 0].set_xlim(*branches.range)
         several = len(branches.folds) or not all(branch.stable.all() for branch in branches.branches)
         _finish(figure, panels, f"{branches.model}: stationary moments", legend=bool(several))
+    return figure
+
+
+def trade_off_figure(*curves: TradeOff, names: Sequence[str] = ()) -> Figure:
+    """The least of one statistic against the limit on another, and the parameters that give it; several curves at once.
+
+    Parameters
+    ----------
+    curves : of the same two statistics.
+    names : of the curves, for the legend.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    free = tuple(dict.fromkeys(name for curve in curves for name in curve.names))
+    with _style():
+        figure = Figure(figsize=(WIDTH, 0.5 + ROW_HEIGHT * max(1, len(free) / 2 + 0.5)), layout="constrained")
+        FigureCanvasAgg(figure)
+        places = figure.subplots((len(free) + 2) // 2, 2, squeeze=False).ravel()
+        for number, curve in enumerate(curves):
+            look: Any = {"color": (LINE, POINTS)[number % 2], "label": names[number] if names else "", "marker": "."}
+            places[0].plot(curve.limits, curve.objective, **look)
+            for name, axes in zip(free, places[1:], strict=False):
+                if name in curve.names:
+                    axes.plot(curve.limits, curve.parameter(name), **look)
+        for title, axes in zip((f"least {curves[0].minimise}", *free), places, strict=False):
+            axes.set_ylabel(_printed(title))
+            axes.set_xlabel(f"limit on {_printed(curves[0].against)}")
+        for axes in places[1 + len(free) :]:
+            axes.set_visible(False)
+        _finish(figure, places.reshape(-1, 2), "Trade-off", legend=bool(names))
     return figure
 
 

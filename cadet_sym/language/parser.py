@@ -8,6 +8,7 @@ from __future__ import annotations
 import ast
 import re
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import sympy as sp
@@ -44,6 +45,7 @@ _FOREIGN_OPERATORS: dict[type[ast.AST], tuple[str, str]] = {
     ast.FloorDiv: ("//", "division is written `/`"),
     ast.Mod: ("%", "there is no remainder in this language"),
 }
+_SIGNS: dict[type[ast.cmpop], str] = {ast.Gt: ">=", ast.GtE: ">=", ast.Lt: "<=", ast.LtE: "<=", ast.Eq: "=="}
 _NUMBER = re.compile(r"(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 
@@ -69,6 +71,25 @@ def parse(text: str, scope: Scope | None = None) -> sp.Expr:
         return canonical(_Reader(source, scope or ANYTHING, limits).number(source.root, 0))
     except ModelError as error:
         raise error.placed(text=text, column=0) from None
+
+
+def parse_comparison(text: str, scope: Scope | None = None) -> list[tuple[str, sp.Expr, sp.Expr]]:
+    """Turn the text of a comparison, or of a chain of them, into its links: sign, left side, right side.
+
+    Raises
+    ------
+    ModelError : with the text and the column of what is wrong.
+    """
+    try:
+        limits = current_limits()
+        source = read_source(text, limits)
+        reader, node = _Reader(source, scope or ANYTHING, limits), source.root
+        if not isinstance(node, ast.Compare) or not all(type(each) in _SIGNS for each in node.ops):
+            raise ModelError("a comparison is wanted, as `a <= b`, `a >= b` or `a == b`")
+        sides = [canonical(reader.number(side, 1)) for side in (node.left, *node.comparators)]
+    except ModelError as error:
+        raise error.placed(text=text, column=0) from None
+    return [(_SIGNS[type(each)], *pair) for each, pair in zip(node.ops, pairwise(sides), strict=True)]
 
 
 @dataclass

@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.solve.freeze import Conditions
 
 __all__ = ["Named", "loose_outputs", "name_moments"]
 
-Array = npt.NDArray[np.float64]
+Array = np.ndarray
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from cadet_sym.solve.frozen import FrozenProblem, evaluate
 from cadet_sym.solve.linearised import LinearisedMoments
 from cadet_sym.solve.stationary import StationaryPoint
 
-__all__ = ["moment_slopes", "objective_slopes", "residual_slope"]
+__all__ = ["adjoint_weights", "moment_slopes", "objective_slopes", "residual_slope"]
 
 Array = np.ndarray
 
@@ -50,12 +50,22 @@ def objective_slopes(point: StationaryPoint, gradient: Residuals, residuals: lis
         not see what drifts.
     residuals : as for `moment_slopes`.
     """
+    a, L = adjoint_weights(point, gradient)
+    return np.array([-(a @ r + np.sum(L * R)) for r, R in residuals])
+
+
+def adjoint_weights(point: StationaryPoint, gradient: Residuals) -> Residuals:
+    """Weights (a, L) of the rates of mean and covariance: dg/dp = -(a . dr/dp + sum_ij L_ij dR_ij/dp).
+
+    Parameters
+    ----------
+    point, gradient : as for `objective_slopes`.
+    """
     view, lin = point.frame, LinearisedMoments(point.evaluation)
     g_mean, g_covariance = gradient
     symmetric = 0.5 * (g_covariance + g_covariance.T)
     a, L = lin.adjoint(view.right.T @ g_mean, view.right.T @ symmetric @ view.right)
-    a, L = view.left.T @ a, view.left.T @ L @ view.left
-    return np.array([-(a @ r + np.sum(L * R)) for r, R in residuals])
+    return view.left.T @ a, view.left.T @ L @ view.left
 
 
 def residual_slope(
