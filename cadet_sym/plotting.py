@@ -127,8 +127,8 @@ def trade_off_figure(*curves: TradeOff, names: Sequence[str] = ()) -> Figure:
             for name, axes in zip(free, places[1:], strict=False):
                 if name in curve.names:
                     axes.plot(curve.limits, curve.parameter(name), **look)
-        for title, axes in zip((f"least {curves[0].minimise}", *free), places, strict=False):
-            axes.set_ylabel(_printed(title))
+        for title, axes in zip((f"least {_printed(curves[0].minimise)}", *free), places, strict=False):
+            axes.set_ylabel(title)
             axes.set_xlabel(f"limit on {_printed(curves[0].against)}")
         for axes in places[1 + len(free) :]:
             axes.set_visible(False)

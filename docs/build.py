@@ -113,7 +113,26 @@ def draw(path: Path) -> None:
     comparison.plot(DOCS / f"{path.stem}.png")
 
 
+def draw_trade_off() -> None:
+    """Comfort against working space: the linear quarter car and the one with a passenger car's damper."""
+    from cadet_sym.plotting import save_figure, trade_off_figure
+
+    curves = [
+        cs.trade_off(
+            DOCS.parent / "models" / f"{name}.toml",
+            minimise="variance(body_acceleration)",
+            against="std(stroke)",
+            limits=[0.008 + 0.0005 * k for k in range(21)],
+            over={"c_s": (100, 5000)},
+        )
+        for name in ("quarter_car_linear", "quarter_car_damper")
+    ]
+    figure = trade_off_figure(*curves, names=("linear damper", "asymmetric, digressive damper"))
+    save_figure(figure, DOCS / "trade_off.png")
+
+
 if __name__ == "__main__":
+    draw_trade_off()
     (DOCS / "gallery.md").write_text(page(), encoding="utf-8")
     (DOCS / "elements.md").write_text(elements_page(), encoding="utf-8")
     for each in MODELS:

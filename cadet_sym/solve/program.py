@@ -49,7 +49,7 @@ class ProgramEnd:
     infeasibility: float  # the largest violation, scaled
     iterations: int
     message: str
-    distance: float = np.inf  # to the optimum by the curvature, of the ranges; where nothing is active and the gradient not small
+    distance: float = np.inf  # to the optimum by the curvature, of the ranges; only where nothing is active
 
     @property
     def optimal(self) -> bool:

@@ -1,0 +1,177 @@
+/* Print the moments of a run, or the stationary moments, as CSV. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include "quarter_car_damper.h"
+
+typedef quarter_car_damper_real R;
+enum { OUTPUTS = QUARTER_CAR_DAMPER_OUTPUTS > 0 ? QUARTER_CAR_DAMPER_OUTPUTS : 1, PARAMETERS = QUARTER_CAR_DAMPER_PARAMETERS > 0 ? QUARTER_CAR_DAMPER_PARAMETERS : 1, ROOM = 1024 };
+
+static quarter_car_damper_run run;
+static quarter_car_damper_stiff stiff;
+static quarter_car_damper_stationary_work work;
+static R parameters[PARAMETERS], breakpoints[ROOM];
+
+static const char usage[] =
+    "usage: quarter_car_damper [--duration T] [--points N] [--rtol R] [--stiff | --fixed STEPS] [--set NAME=VALUE]...\n"
+    "       quarter_car_damper --stationary SPEED [--set NAME=VALUE]...\n"
+    "       quarter_car_damper --cost\n";
+
+static int fail(const char *text)
+{
+    fprintf(stderr, "quarter_car_damper: %s\n%s", text, usage);
+    return 2;
+}
+
+static void print_names(void)
+{
+    printf("t");
+    for (int i = 0; i < QUARTER_CAR_DAMPER_STATES; i++)
+        printf(",mean %s", quarter_car_damper_state_names[i]);
+    for (int i = 0; i < QUARTER_CAR_DAMPER_OUTPUTS; i++)
+        printf(",mean %s", quarter_car_damper_output_names[i]);
+    for (int i = 0; i < QUARTER_CAR_DAMPER_STATES; i++)
+        for (int j = i; j < QUARTER_CAR_DAMPER_STATES; j++)
+            if (i == j)
+                printf(",variance %s", quarter_car_damper_state_names[i]);
+            else
+                printf(",covariance %s %s", quarter_car_damper_state_names[i], quarter_car_damper_state_names[j]);
+    for (int i = 0; i < QUARTER_CAR_DAMPER_OUTPUTS; i++)
+        printf(",variance %s", quarter_car_damper_output_names[i]);
+    printf("\n");
+}
+
+static void print_row(R t, const R *y, const R *mean, const R *variance)
+{
+    printf("%.17g", (double)t);
+    for (int i = 0; i < QUARTER_CAR_DAMPER_STATES; i++)
+        printf(",%.17g", (double)y[i]);
+    for (int i = 0; i < QUARTER_CAR_DAMPER_OUTPUTS; i++)
+        printf(",%.17g", (double)mean[i]);
+    for (int i = QUARTER_CAR_DAMPER_STATES; i < QUARTER_CAR_DAMPER_MOMENTS; i++)
+        printf(",%.17g", (double)y[i]);
+    for (int i = 0; i < QUARTER_CAR_DAMPER_OUTPUTS; i++)
+        printf(",%.17g", (double)variance[i]);
+    printf("\n");
+}
+
+static int set(const char *text)
+{
+    const char *equals = strchr(text, '=');
+    if (!equals)
+        return 0;
+    for (int i = 0; i < QUARTER_CAR_DAMPER_PARAMETERS; i++)
+        if (strlen(quarter_car_damper_parameter_names[i]) == (size_t)(equals - text)
+            && !strncmp(quarter_car_damper_parameter_names[i], text, (size_t)(equals - text))) {
+            parameters[i] = (R)atof(equals + 1);
+            return 1;
+        }
+    return 0;
+}
+
+static int stationary(R speed)
+{
+    static R y[QUARTER_CAR_DAMPER_SIZE];
+    R mean[OUTPUTS], variance[OUTPUTS];
+    quarter_car_damper_stationary_problem problem;
+    quarter_car_damper_stationary_begin(&problem, speed, &work);
+    const quarter_car_damper_status status = quarter_car_damper_stationary(&problem, parameters, y);
+    if (status != QUARTER_CAR_DAMPER_OK) {
+        fprintf(stderr, "quarter_car_damper: %s\n", quarter_car_damper_status_text(status));
+        return 1;
+    }
+    quarter_car_damper_held_outputs(problem.t, problem.s, speed, y, parameters, mean, variance);
+    print_names();
+    print_row(problem.t, y, mean, variance);
+    fprintf(stderr, "%s, residual %.1e, %d steps\n", problem.stable ? "stable" : "unstable", (double)problem.residual,
+            problem.steps);
+    return 0;
+}
+
+static int fixed(R duration, long steps, int points)
+{
+    static R y[QUARTER_CAR_DAMPER_SIZE], scratch[5 * QUARTER_CAR_DAMPER_SIZE];
+    R mean[OUTPUTS], variance[OUTPUTS];
+    const R step = duration / (R)steps;
+    const long every = points > 1 && steps > points - 1 ? steps / (points - 1) : 1;
+    quarter_car_damper_initial(parameters, y);
+    print_names();
+    for (long k = 0; k <= steps; k++) {
+        if (k % every == 0) {
+            quarter_car_damper_outputs(step * (R)k, y, parameters, mean, variance);
+            print_row(step * (R)k, y, mean, variance);
+        }
+        if (k < steps)
+            quarter_car_damper_fixed_step(step * (R)k, step, y, parameters, scratch);
+    }
+    return 0;
+}
+
+static int propagate(R duration, int points, R rtol, int is_stiff)
+{
+    static R y[QUARTER_CAR_DAMPER_SIZE];
+    R mean[OUTPUTS], variance[OUTPUTS];
+    quarter_car_damper_initial(parameters, y);
+    quarter_car_damper_begin(&run, (R)0, y);
+    run.rtol = rtol;
+    run.stiff = is_stiff ? &stiff : 0;
+    run.breakpoints = breakpoints;
+    run.breakpoint_count = quarter_car_damper_breakpoints(parameters, duration, breakpoints, ROOM);
+    if (run.breakpoint_count > ROOM)
+        return fail("the run has more breakpoints than there is room for");
+    print_names();
+    for (int k = 0; k < points; k++) {
+        const R t = points > 1 ? duration * (R)k / (R)(points - 1) : duration;
+        const quarter_car_damper_status status = quarter_car_damper_propagate(&run, parameters, t);
+        if (status != QUARTER_CAR_DAMPER_OK) {
+            fprintf(stderr, "quarter_car_damper: at t = %g: %s\n", (double)run.t, quarter_car_damper_status_text(status));
+            return 1;
+        }
+        quarter_car_damper_outputs(t, run.y, parameters, mean, variance);
+        print_row(t, run.y, mean, variance);
+    }
+    fprintf(stderr, "%ld steps, %ld refused, %ld rates\n", run.steps, run.refused, run.rates);
+    return 0;
+}
+
+int main(int count, char **words)
+{
+    R duration = quarter_car_damper_duration, rtol = (R)(sizeof(R) > 4 ? 1e-8 : 1e-4);
+    int points = quarter_car_damper_points, is_stiff = 0;
+    long steps = 0;
+    const char *speed = 0;
+    for (int i = 0; i < QUARTER_CAR_DAMPER_PARAMETERS; i++)
+        parameters[i] = quarter_car_damper_default_parameters[i];
+    for (int k = 1; k < count; k++) {
+        if (!strcmp(words[k], "--stiff")) {
+            is_stiff = 1;
+            continue;
+        }
+        if (!strcmp(words[k], "--cost")) {
+            printf("rate %d, outputs %d, fixed step %d operations\n", (int)QUARTER_CAR_DAMPER_RATE_OPERATIONS,
+                   (int)QUARTER_CAR_DAMPER_OUTPUT_OPERATIONS, (int)QUARTER_CAR_DAMPER_STEP_OPERATIONS);
+            return 0;
+        }
+        if (k + 1 >= count)
+            return fail("wrong arguments");
+        const char *value = words[k + 1];
+        if (!strcmp(words[k], "--duration"))
+            duration = (R)atof(value);
+        else if (!strcmp(words[k], "--points"))
+            points = atoi(value);
+        else if (!strcmp(words[k], "--rtol"))
+            rtol = (R)atof(value);
+        else if (!strcmp(words[k], "--fixed"))
+            steps = atol(value);
+        else if (!strcmp(words[k], "--stationary"))
+            speed = value;
+        else if (strcmp(words[k], "--set") || !set(value))
+            return fail("wrong arguments");
+        k++;
+    }
+    if (!(duration >= (R)0) || points < 1 || !(rtol > (R)0) || steps < 0)
+        return fail("wrong arguments");
+    if (speed)
+        return stationary((R)atof(speed));
+    return steps > 0 ? fixed(duration, steps, points) : propagate(duration, points, rtol, is_stiff);
+}
