@@ -127,7 +127,7 @@ def stationary(
             raise ModelError("--branches finds all solutions over a whole range; leave out --sweep and --all")
         parameter, limits = parse_range(branches, "--branches")
         with _computing():
-            curves = cs.branches(_load(model, settings), parameter, limits, speed=speed, at=at)
+            curves = cs.branches(_compile(model, settings), parameter, limits, speed=speed, at=at)
             if save:
                 curves.save(save)
             if plot:
@@ -186,14 +186,14 @@ def optimise(
     with _computing():
         task: dict[str, Any] = {"minimise": minimise, "over": ranges, "subject_to": subject_to or ()}
         task |= {"starts": starts, "speed": speed, "at": at}
-        declared = _load(model, settings)
+        compiled = _compile(model, settings)
         if against:
             other, limits = parse_sweep(against, "--against")
-            found = cs.trade_off(declared, against=other, limits=limits, **task)
+            found = cs.trade_off(compiled, against=other, limits=limits, **task)
             if plot:
                 found.plot(plot)
         else:
-            found = cs.optimise(declared, **task)
+            found = cs.optimise(compiled, **task)
         if save:
             found.save(save)
     if as_json:

@@ -175,7 +175,7 @@ class _Search:
         """Objective and constraints at parameters x (c,), and their derivatives."""
         held = self._held(x)
         point = self._point(x, held)
-        y = self.compiled.equations.packing.pack(point.mean, point.covariance)
+        y = self.compiled.packing.pack(point.mean, point.covariance)
         value, in_y, in_p = (np.asarray(part) for part in self._functions[0](y, held.context, held.p))
         columns = [self.compiled.parameters.index(name) for name in self.over]
         slopes = np.array([self._through_moments(point, held, y, row) for row in in_y])[:, columns] + in_p[:, columns]
@@ -187,7 +187,7 @@ class _Search:
         """Derivative in all parameters of a function of the moments, whose derivative in them is given."""
         if not row.any():
             return np.zeros(len(held.p))
-        packing = self.compiled.equations.packing
+        packing = self.compiled.packing
         g, G = packing.unpack(row)
         G = 0.5 * (G + np.diag(np.diag(G)))  # an entry of the triangle stands for two of the matrix
         a, L = adjoint_weights(point, (g, G))
@@ -242,9 +242,9 @@ class _Search:
 
     @cached_property
     def _functions(self) -> tuple[ca.Function, ca.Function | None]:
-        lowered, held = self.compiled.functions, self.speed is not None
+        lowered, held = self.compiled.functions.symbolic, self.speed is not None
         goals = [self.goal, *(each.goal for each in self.constraints)]
-        delayed = lowered.equations.delay is not None
+        delayed = self.compiled.functions.facts.delay is not None
         return goal_values(lowered, goals, held=held), None if delayed else weighted_slopes(lowered, held=held)
 
     @cached_property

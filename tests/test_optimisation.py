@@ -89,7 +89,7 @@ def test_an_asymmetric_damper_costs_comfort(tmp_path):
         "models/quarter_car_damper.toml",
         minimise=ACCELERATION,
         against="std(stroke)",
-        limits=[0.010, 0.014],
+        limits=[0.012],
         over={"c_s": (100, 5000), "a": (0, 0.8)},
     )
     np.testing.assert_allclose(curve.parameter("a"), 0.0, atol=1e-9)
@@ -101,7 +101,7 @@ def test_an_asymmetric_damper_costs_comfort(tmp_path):
             assert near.variance["body_acceleration"] > best.objective or near.std["stroke"] > best.moments.std["stroke"]
     assert curve.save(tmp_path / "curve.csv").read_text().startswith("limit,objective,c_s,a")
     assert curve.plot(tmp_path / "curve.png").stat().st_size > 10_000
-    assert curve.to_xarray().sizes == {"limit": 2}
+    assert curve.to_xarray().sizes == {"limit": 1}
 
 
 MODELS = {
