@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import sympy as sp
 from sympy.core.relational import Relational
@@ -18,9 +19,12 @@ from cadet_sym.augmentation import AugmentedSystem
 from cadet_sym.errors import LinearisationError
 from cadet_sym.expectation import DescribingFunction, describing_function
 from cadet_sym.language.element import Element
-from cadet_sym.language.expression import ElementCall
+from cadet_sym.language.expression import ElementCall, symbol, unparse
+from cadet_sym.language.numeric import evaluate
 
-__all__ = ["LinearForm", "Nonlinearity", "OutputForm", "QuasiLinearSystem", "linearise"]
+__all__ = ["LinearForm", "Nonlinearity", "OutputForm", "QuasiLinearSystem", "linearise", "readable"]
+
+MARK = "'"  # of local arguments: no name of the user has it
 
 
 @dataclass(frozen=True)
@@ -33,6 +37,11 @@ class LinearForm:
     def of(self, states: Sequence[sp.Expr]) -> sp.Expr:
         """The form written in the states."""
         return sp.Add(*(c * states[i] for i, c in self.coefficients), self.constant)
+
+    def scale(self, values: Mapping[sp.Symbol, float]) -> float:
+        """The largest of its coefficients that are known: what one unit of a state is of the argument."""
+        known = [abs(float(evaluate(c, values))) for _, c in self.coefficients if c.free_symbols <= values.keys()]
+        return max(known, default=1.0)
 
 
 @dataclass(frozen=True)
@@ -74,9 +83,9 @@ class QuasiLinearSystem:
     def _repr_latex_(self) -> str:
         rows = []
         for j, element in enumerate(self.elements):
-            argument = ", ".join(sp.latex(form.of(self.states)) for form in element.forms)
-            body = sp.latex(element.describing.body)
-            rows.append(rf"f_{{{j + 1}}} &= {body},\quad z = {argument}")
+            arguments = zip(element.describing.arguments, element.forms, strict=True)
+            where = r",\; ".join(f"{sp.latex(readable(z))} = {sp.latex(form.of(self.states))}" for z, form in arguments)
+            rows.append(rf"f_{{{j + 1}}} &= {sp.latex(readable(element.describing.body))},\quad {where}")
         return r"$$\begin{aligned}" + r" \\ ".join(rows) + r"\end{aligned}$$"
 
 
@@ -88,7 +97,8 @@ def linearise(system: AugmentedSystem) -> QuasiLinearSystem:
     LinearisationError
         If an element has no Gaussian expectation, or depends on more arguments than there is a rule for.
     """
-    splitter = _Splitter(system.states, system.model.vehicle.elements)
+    known = {symbol(name): value for name, value in system.model.parameter_values().items()}
+    splitter = _Splitter(system.states, system.model.vehicle.elements, known)
     n = len(system.states)
     elements: dict[_Key, int] = {}
     A: dict[tuple[int, int], sp.Expr] = {}
@@ -168,8 +178,10 @@ class _Parts:
 class _Splitter:
     """Splits expressions in the states; remembers the affine forms it has met."""
 
-    def __init__(self, states: tuple[sp.Symbol, ...], elements: Mapping[str, Element]) -> None:
-        self.states, self.elements = states, elements
+    def __init__(
+        self, states: tuple[sp.Symbol, ...], elements: Mapping[str, Element], values: Mapping[sp.Symbol, float]
+    ) -> None:
+        self.states, self.elements, self.values = states, elements, values
         self.index = {state: i for i, state in enumerate(states)}
         self.known: dict[sp.Basic, LinearForm | None] = {}
 
@@ -187,12 +199,15 @@ class _Splitter:
         name = key.name or f"f{number + 1}"
         arguments = _arguments(len(key.forms))
         try:
-            return Nonlinearity(name, key.forms, describing_function(arguments, key.body, name=name))
+            scale = max(form.scale(self.values) for form in key.forms)
+            found = describing_function(arguments, key.body, name=name, values=self.values, scale=scale)
+            return Nonlinearity(name, key.forms, found)
         except LinearisationError as error:
-            written = key.body.xreplace(
-                dict(zip(arguments, (f.of(self.states) for f in key.forms), strict=True))
-            )
-            error.add_note(f"The term is `{written}`.")
+            for argument in arguments:
+                error.message = error.message.replace(argument.name, readable(argument).name)
+            where = zip(arguments, key.forms, strict=True)
+            stands = ", ".join(f"{readable(z)} is `{unparse(form.of(self.states))}`" for z, form in where)
+            error.add_note(f"The term is `{unparse(self.written_out(key))}`; {stands}.")
             raise
 
     def written_out(self, key: _Key) -> sp.Expr:
@@ -348,9 +363,15 @@ class _Splitter:
 
 
 def _arguments(count: int) -> tuple[sp.Symbol, ...]:
-    """The local arguments of a nonlinearity, z or z1, z2, ..."""
+    """The local arguments of a nonlinearity, z or z1, z2, .. with a mark that no name of the user can have."""
     names = ["z"] if count == 1 else [f"z{i + 1}" for i in range(count)]
-    return tuple(sp.Symbol(f"_{name}", real=True) for name in names)
+    return tuple(sp.Symbol(name + MARK, real=True) for name in names)
+
+
+def readable(expression: sp.Basic) -> Any:
+    """An expression with the mark of local arguments taken off, to be shown."""
+    local = [s for s in expression.free_symbols if isinstance(s, sp.Symbol) and s.name.endswith(MARK)]
+    return expression.xreplace({s: sp.Symbol(s.name.removesuffix(MARK), real=True) for s in local})
 
 
 def _expanded(local: sp.Expr, arguments: tuple[sp.Symbol, ...]) -> sp.Expr:

@@ -10,12 +10,15 @@ import sympy as sp
 from gaussian_integrals import one
 from sympy.core.symbol import Str
 
+import cadet_sym as cs
 from cadet_sym.errors import LinearisationError
 from cadet_sym.expectation import describing_function
 from cadet_sym.expectation.conditional import Product
 from cadet_sym.expectation.pieces import Cell, Splitter
+from cadet_sym.expectation.quadrature import ExpectationWarning
 from cadet_sym.language.expression import Lookup, parse, symbol
 from cadet_sym.language.numeric import evaluate
+from cadet_sym.lowering.check import check
 from cadet_sym.lowering.elements import element_function
 
 Z = symbol("z")
@@ -234,3 +237,15 @@ def test_an_inaccurate_quadrature_is_warned_of_by_name():
     with pytest.warns(UserWarning, match="the element `ripple`.*accurate to"):
         df = describing_function((Z,), expression("1/(1.01 + sin(40*z))"), name="ripple")
     assert df.error > 1e-8
+
+
+@pytest.mark.parametrize("text", ["tanh(1000*z)", "atan(1e5*(z - 1))", "1/(1 + exp(-1e5*z))", "1/(2 + 3*exp(-z))**2"])
+def test_a_smoothed_step_is_exact_however_steep(text):
+    found = check(cs.Element("step", ["z"], parse(text)))
+    assert max(found.error, found.gain_error) < 1e-8
+    assert found.estimated < 1e-8
+
+
+def test_what_is_too_steep_for_the_nodes_is_warned_of():
+    with pytest.warns(ExpectationWarning, match="accurate to"):
+        describing_function((Z,), parse("atan(1e9*z)"))

@@ -18,7 +18,7 @@ WARNED = 1e-8
 FLOOR = 1e-3  # of the largest value at the same variance: what an error is relative to at least
 SMOOTH = tuple(Rule(straight=order) for order in (16, 24, 32, 40, 64, 128))
 POLES = tuple(Rule(panels, order) for panels, order in ((1, 24), (1, 32), (1, 40), (1, 48), (2, 32), (4, 32)))
-TRAPEZOIDAL = tuple(Rule(order=order) for order in (32, 48, 64, 80, 96, 128))
+TRAPEZOIDAL = tuple(Rule(order=order) for order in (32, 48, 64, 80, 96, 128, 160, 200))
 SINGULAR = (
     *(Rule(graded=order, power=power, whole=True) for power, order in ((2, 40), (2, 48), (3, 56))),
     Rule(straight=40),
@@ -26,7 +26,12 @@ SINGULAR = (
 )
 SINGULAR_POLES = (Rule(2, 16, 40), Rule(3, 24, 64, 32))
 UNCHECKED = 3  # which rule is taken where no numbers are known to check it with
-SPREADS = (0.03, 0.3, 1.0, 3.0, 10.0, 100.0)
+SPREADS = (0.03, 0.3, 1.0, 3.0, 10.0, 100.0)  # standard deviations, on the scale of the function
+FAR = 1e3  # beyond these a function is nearly a kink, and an error of FAR_ERROR will do
+FAR_ERROR = 1e-9
+WAVE_SPREADS = SPREADS[:-1]  # ten times their length is as far as nodes go
+WIDE = 10.0  # standard deviation, in the units of the states, up to which steep places are looked at whatever their width
+MOST = 1e12  # widths of a steep place in a standard deviation
 PLACES = (-9.0, -7.5, -6.0, -2.5, -1.0, 0.0, 0.7, 2.0, 5.0, 7.0, 8.5)
 UNKNOWN = (1.0, 1.2, 0.8)  # numbers tried for a parameter whose value is not known
 
@@ -42,7 +47,7 @@ def rules(part: Integral) -> tuple[Rule, ...]:
 
 def _reference(part: Integral) -> Rule:
     """A rule that is far more accurate than any of those tried."""
-    return Rule(order=200) if part.is_trapezoidal else Rule(6, 32, 150, 60)
+    return Rule(order=320) if part.is_trapezoidal else Rule(6, 32, 150, 60)
 
 
 def chosen(part: Integral, where: str, wish: Wish) -> Integral:
@@ -56,7 +61,7 @@ def chosen(part: Integral, where: str, wish: Wish) -> Integral:
     for guess in UNKNOWN[: 1 if known else None]:
         numbers = {s: float(wish.sample.get(s, guess**i)) for i, s in enumerate(sorted(free, key=str))}
         if _is_finite(part, numbers):
-            found = _cheapest(part, numbers, wish.error)
+            found = _cheapest(part, numbers, wish)
             best = found if found.error < best.error else best
         if best.error <= wish.error:
             return best
@@ -75,18 +80,20 @@ def chosen(part: Integral, where: str, wish: Wish) -> Integral:
     return best if known else replace(best, error=min(best.error, WARNED))
 
 
-def _cheapest(part: Integral, numbers: dict[sp.Symbol, float], wanted: float) -> Integral:
+def _cheapest(part: Integral, numbers: dict[sp.Symbol, float], wish: Wish) -> Integral:
     means, spreads = _grid(part, numbers)
-    checked = [part, part.derivative()]
+    checked, wanted = [part, part.derivative()], wish.error
     if any(part.singular):  # its gain is taken by parts, which multiplies the error by the distance from the mean
         checked, wanted = [part], wanted / REACH
-    references = [_Reference(p, numbers, means, spreads) for p in checked]
-    error = np.inf
+    near = [_Reference(p, numbers, means, spreads) for p in checked]
+    far = [_Reference(p, numbers, *_grid(part, numbers, WIDE * wish.scale)) for p in checked] if part.steep else []
+    found = part
     for rule in rules(part):
-        error = max(reference.error(rule) for reference in references)
-        if error <= wanted:
-            return replace(part, rule=rule, error=error)
-    return replace(part, rule=rules(part)[-1], error=error)
+        here, beyond = (max((reference.error(rule) for reference in each), default=0.0) for each in (near, far))
+        found = replace(part, rule=rule, error=max(here, beyond))
+        if here <= wanted and beyond <= max(wanted, FAR_ERROR):
+            break
+    return found
 
 
 class _Reference:
@@ -133,8 +140,8 @@ def _value(part: Integral, numbers: dict[sp.Symbol, float], z: np.ndarray) -> np
     return np.broadcast_to(value, z.shape)
 
 
-def _grid(part: Integral, numbers: dict[sp.Symbol, float]) -> tuple[np.ndarray, np.ndarray]:
-    """Means and standard deviations around the kinks and steep places, on their scales."""
+def _grid(part: Integral, numbers: dict[sp.Symbol, float], far: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Means and standard deviations around the kinks and steep places, on their scales, or beyond these as `far` as that."""
     low, high = _ends(part, numbers)
     points = [b for b, bound in ((low, part.lower), (high, part.upper)) if not bound.is_infinite]
     points += [evaluate(place.centre, numbers) for place in part.steep]
@@ -143,10 +150,12 @@ def _grid(part: Integral, numbers: dict[sp.Symbol, float]) -> tuple[np.ndarray, 
     scales = {abs(a - b) for a in points for b in points} | set(widths) | set(waves)
     scales = sorted({s for s in scales if np.isfinite(s) and s > 1e-9}) or [1.0]
     points = sorted({p for p in points if np.isfinite(p)}) or [0.0]
+    wide = sorted({FAR, min(max(far / scales[0], FAR), MOST)})
+    of_scale = WAVE_SPREADS if waves else wide if far else SPREADS
     cells = [
         (p + place * spread * scale, spread * scale)
         for scale in (scales[0], scales[-1])
-        for spread in (SPREADS[:-1] if waves else SPREADS)  # of waves, ten times their length is as far as nodes go
+        for spread in of_scale
         for p in points[:3]
         for place in PLACES
     ]

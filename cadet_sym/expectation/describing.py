@@ -55,6 +55,7 @@ def describing_function(
     *,
     name: str = "",
     values: Mapping[sp.Symbol, float] | None = None,
+    scale: float = 1.0,
 ) -> DescribingFunction:
     """Turn a nonlinearity into its random-input describing function F(m, S) = E[f(z)], z ~ N(m, S).
 
@@ -64,6 +65,7 @@ def describing_function(
     body : f, in its arguments, parameters and the time.
     name : what to call it in messages.
     values : numbers of the parameters, if known: a quadrature chooses its order and estimates its error there.
+    scale : a typical size of the arguments over ten: how far a quadrature is looked at.
 
     Raises
     ------
@@ -71,7 +73,7 @@ def describing_function(
         If no expectation exists, or there is no rule for it.
     """
     where = f"the element `{name}`" if name else f"`{body}`"
-    return describe(arguments, body, where, Wish(values or {}), name)
+    return describe(arguments, body, where, Wish(values or {}, scale=scale), name)
 
 
 def describe(arguments: tuple[sp.Symbol, ...], body: sp.Expr, where: str, wish: Wish, name: str = "") -> DescribingFunction:
@@ -83,5 +85,20 @@ def describe(arguments: tuple[sp.Symbol, ...], body: sp.Expr, where: str, wish: 
         body=body,
         means=tuple(sp.Symbol(f"m{i + 1}", real=True) for i in range(count)),
         covariances=tuple(sp.Symbol(f"S{i + 1}{j + 1}", real=True) for i in range(count) for j in range(i + 1)),
-        products=products(arguments, body, where, wish),
+        products=products(arguments, body.replace(_is_logistic, _by_tanh), where, wish),
     )
+
+
+def _is_logistic(expr: sp.Expr) -> bool:
+    if not (isinstance(expr, sp.Pow) and expr.exp.is_negative and isinstance(expr.base, sp.Add)):
+        return False
+    constant, rest = expr.base.as_coeff_Add()
+    factor, power = rest.as_coeff_Mul()
+    return bool(constant > 0 and factor > 0 and isinstance(power, sp.exp))
+
+
+def _by_tanh(logistic: sp.Expr) -> sp.Expr:
+    """1/(b + c e^a) as (1 - tanh((a + log(c/b))/2))/(2 b), whose derivatives do not overflow."""
+    constant, rest = logistic.base.as_coeff_Add()
+    factor, power = rest.as_coeff_Mul()
+    return ((1 - sp.tanh((power.args[0] + sp.log(factor / constant)) / 2)) / (2 * constant)) ** -logistic.exp

@@ -30,7 +30,7 @@ from cadet_sym.expectation.steep import Steep, singular_at, steep_places
 REACH = 8.0  # standard deviations from the mean; 1e-15 of the probability lies beyond
 PANEL = 1.5  # length of the panel at a singular end where something else is steep, in standard deviations
 WIDEST = 100.0  # a steep place wider or farther than this many standard deviations is none
-NARROWEST = 1e-4  # what is steeper counts as a kink
+NARROWEST = 1e-9  # what is steeper counts as a kink
 TINY = 1e-100
 STEP_REACH = 6.5  # widths beyond which a step is over to 4e-11
 SPACED = 2.0  # l, standard deviations from a pole beyond which nodes are equally spaced
@@ -79,6 +79,7 @@ class Wish:
 
     sample: Mapping[sp.Symbol, float]
     error: float = 2e-11
+    scale: float = 1.0  # of the arguments: what one unit of the states is of them
     plain: bool = False  # steep places left alone: the inside of an integral over three arguments
 
 

@@ -23,6 +23,7 @@ PLACES = (-3.0, -0.7, 0.0, 1.0, 4.0)  # of the mean about a kink, in standard de
 SEVERAL_SPREADS = (0.3, 1.0)
 CORRELATIONS = (-0.95, 0.0, 0.5)
 REACH = 9.0
+GRADED = (0.0, *(10.0**-k for k in range(1, 9)))  # about the middle of a function, in standard deviations
 TOLERANCE = {1: 1e-11, 2: 1e-10, 3: 1e-8}  # asked of the adaptive integration
 INSIDE_ORDER = {1: 20, 2: 20, 3: 12}  # nodes a panel of the integrals inside the adaptive one
 PANELS = (-REACH, -6.0, -3.0, 0.0, 3.0, 6.0, REACH)
@@ -146,6 +147,17 @@ def _kinks(df: DescribingFunction, numbers: Mapping[sp.Symbol, float], argument:
     return sorted(k for k in found if np.isfinite(k))
 
 
+def _centres(df: DescribingFunction, numbers: Mapping[sp.Symbol, float]) -> list[float]:
+    """Where functions of the first argument alone, however steep, have their middle: zeros of what stands in them."""
+    z, found = df.arguments[0], set()
+    for node in df.body.atoms(sp.Function, sp.Pow):
+        for inner in node.args:
+            if isinstance(inner, sp.Expr) and inner.has(z) and not inner.has(*df.arguments[1:]) and inner.is_polynomial(z):
+                polynomial = sp.Poly(inner.xreplace({s: sp.Float(v) for s, v in numbers.items()}), z)
+                found |= {float(sp.re(root)) for root in polynomial.nroots()} if polynomial.degree() > 0 else set()
+    return sorted(found)[:4]
+
+
 def _grid(df: DescribingFunction, numbers: Mapping[sp.Symbol, float], scale: float) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     count = len(df.arguments)
     points = [(_kinks(df, numbers, a) or [0.0])[:6] for a in range(count)]
@@ -221,7 +233,9 @@ def _integrated(df: DescribingFunction, numbers: Mapping[sp.Symbol, float], mean
     def integrand(first: np.ndarray) -> np.ndarray:
         return inside(first, np.exp(-first[:, 0] ** 2 / 2) / np.sqrt(2 * np.pi))
 
-    breaks = sorted({k for k in (kinks[0] - mean[0]) / L[0, 0] if abs(k) < REACH} | set(PANELS))
+    middles = [(c - mean[0]) / L[0, 0] for c in _centres(df, numbers)]
+    steep = [middle + side * distance for middle in middles for side in (-1, 1) for distance in GRADED]
+    breaks = sorted({k for k in (*(kinks[0] - mean[0]) / L[0, 0], *steep) if abs(k) < REACH} | set(PANELS))
     parts = [
         cubature(integrand, [low], [high], rule="gk21", atol=1e-15, rtol=TOLERANCE[count], max_subdivisions=400).estimate
         for low, high in pairwise(breaks)

@@ -13,7 +13,7 @@ from cadet_sym.augmentation import AugmentedSystem, NoiseSource
 from cadet_sym.expectation import DescribingFunction
 from cadet_sym.expectation.formula import tidy
 from cadet_sym.language.expression import DISTANCE, SPEED, TIME, unparse
-from cadet_sym.linearisation import Nonlinearity
+from cadet_sym.linearisation import Nonlinearity, readable
 from cadet_sym.lowering.check import ElementCheck, check
 from cadet_sym.moments import MomentEquations
 
@@ -118,7 +118,7 @@ class Listing:
     def _describe(self, element: Nonlinearity) -> Iterator[str]:
         describing = element.describing
         arguments = zip(describing.arguments, element.forms, strict=True)
-        of = ", ".join(f"{_bare(z)} = {_text(form.of(self.system.states))}" for z, form in arguments)
+        of = ", ".join(f"{readable(z)} = {_text(form.of(self.system.states))}" for z, form in arguments)
         yield f"  {element.name}: f = {_text(describing.body)},  {of}"
         yield f"    {_how(describing)}"
         expectation, gains = written_out(describing)
@@ -175,10 +175,5 @@ def _how(describing: DescribingFunction) -> str:
 
 
 def _text(expression: sp.Expr) -> str:
-    """An expression in the words of the model file, local arguments without their mark."""
-    local = {s: sp.Symbol(_bare(s), real=True) for s in expression.free_symbols if s.name.startswith("_")}
-    return unparse(expression.xreplace(local))
-
-
-def _bare(argument: sp.Symbol) -> str:
-    return argument.name.lstrip("_")
+    """An expression in the words of the model file."""
+    return unparse(readable(expression))
