@@ -18,17 +18,18 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from cadet_sym.errors import SolverError
 from cadet_sym.export.description import equations_text
 from cadet_sym.export.fmu import check_fmu_tools, fmu_bytes
 from cadet_sym.export.folder import check_folder, write_folder
+from cadet_sym.export.ground import GroundTables, ground_tables, start_values
 from cadet_sym.export.matlab import matlab_text
 from cadet_sym.export.names import c_comment, c_string, identifiers, prefix_of
-from cadet_sym.export.program import Program, constant, translate
+from cadet_sym.export.program import Program, translate
+from cadet_sym.export.reference import reference_text
+from cadet_sym.export.tables import array, constant
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.lowering.portable import PortableFunctions, portable
-from cadet_sym.solve.breakpoints import find_breakpoints
-from cadet_sym.solve.transient import Start, integrate
+from cadet_sym.solve.start import profile_mean
 
 __all__ = ["Library", "Run", "export_c", "library"]
 
@@ -44,10 +45,13 @@ SOURCES: Mapping[str, tuple[str, ...]] = {
     "_jacobian": ("jacobian",),
     "_outputs": ("outputs",),
     "_held": ("held", "held_jacobian", "held_outputs"),
-    "_start": ("initial", "motion", "switches"),
+    "_motion": ("start", "motion", "switches"),
 }
 
 TEMPLATES = ("linear", "propagate", "stationary", "breakpoints")
+
+MOVED = ("rate", "jacobian", "slope", "held", "held_jacobian")
+"""Functions that leave the ground between the wheels to a loop, where there is any."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +97,7 @@ def export_c(
     written = library(lowered, run, prefix)
     files: dict[str, str | bytes] = {**written.files()}
     if matlab:
-        files[f"{written.prefix}.m"] = matlab_text(lowered, written.functions, run.p, run.start, written.prefix)
+        files[f"{written.prefix}.m"] = matlab_text(lowered, run.p, run.start, written.prefix)
     if fmu:
         files[f"{written.prefix}.fmu"] = fmu_bytes(lowered, run.p, run.start, run.duration, written.prefix)
     return write_folder(path, files, written.about, force=force)
@@ -104,12 +108,11 @@ def library(lowered: MomentFunctions, run: Run, prefix: str | None = None) -> Li
     model = lowered.equations.quasi_linear.system.model
     functions = portable(lowered)
     name = prefix_of(prefix or model.name or "model")
-    programs = {
-        key: translate(getattr(functions, key), f"{name}_{getattr(functions, key).name()}", SCALARS)
-        for keys in SOURCES.values()
-        for key in keys
-        if getattr(functions, key) is not None
-    }
+    programs = {}
+    for key in (key for keys in SOURCES.values() for key in keys):
+        function = getattr(functions, key)
+        moved = "_parts" if key in MOVED and functions.gain.nnz() else ""
+        programs[key] = translate(function, f"{name}_{function.name()}{moved}", SCALARS)
     return Library(lowered, functions, programs, run, name)
 
 
@@ -151,9 +154,19 @@ class Library:
         return tuple(self.lowered.equations.quasi_linear.outputs)
 
     @cached_property
+    def ground(self) -> GroundTables:
+        """The ground between wheels on one track, and the Jacobian's pattern."""
+        return ground_tables(self.functions, self.lowered.equations.packing.n)
+
+    @property
     def pattern(self) -> ca.Sparsity:
         """Places of the Jacobian's entries."""
-        return self.functions.jacobian.sparsity_out(0)
+        return self.ground.pattern
+
+    @property
+    def steady(self) -> bool:
+        """Whether the run starts in the stationary state."""
+        return self.lowered.equations.quasi_linear.system.model.initial.whole
 
     def files(self) -> dict[str, str]:
         """Name to content of every file."""
@@ -161,18 +174,44 @@ class Library:
         found = {f"{name}.h": self._filled("header.h", self._header()), f"{name}_real.h": self._filled("real.h")}
         found[f"{name}.c"] = self._tables()
         for suffix, keys in SOURCES.items():
-            parts = [self.programs[key].text for key in keys if key in self.programs]
+            parts = [self.programs[key].text for key in keys]
             found[f"{name}{suffix}.c"] = f'#include "{name}_real.h"\n\n' + "\n".join(parts)
+        choices = {
+            "switches": self._switches,
+            "steady": int(self.steady),
+            "gaps": len(self.ground.gaps),
+            "real": "ground" if self.ground.gaps else "real",
+        }
         for template in TEMPLATES:
-            found[f"{name}_{template}.c"] = self._filled(f"{template}.c", {"switches": self._switches})
+            found[f"{name}_{template}.c"] = self._filled(f"{template}.c", choices)
+        found[f"{name}_start.c"] = self._start()
+        if self.ground.gaps:
+            found[f"{name}_ground.h"] = self._filled("ground.h", self.ground.header())
+            found[f"{name}_ground.c"] = self._filled("ground.c", self.ground.source(name))
+        blocks = "blocks" if self.ground.gaps else "dense"
+        found[f"{name}_{blocks}.c"] = self._filled(f"{blocks}.c")
         sources = sorted(file for file in found if file.endswith(".c"))
         found["main.c"] = self._filled("main.c")
         found["test.c"] = self._filled("test.c")
-        found["reference.h"] = self._reference()
+        found["reference.h"] = reference_text(self.lowered, self.run.p, self.run.start, self.run.duration)
         found["Makefile"] = self._filled("Makefile", {"objects": " ".join(f"{s[:-2]}.o" for s in sources)})
         found["CMakeLists.txt"] = self._filled("CMakeLists.txt", {"sources": " ".join(sources)})
         found["README.md"] = self._readme()
         return found
+
+    @cached_property
+    def _profile(self) -> Array:
+        """What the profile of the ground behind the start adds to the means."""
+        return profile_mean(self.lowered, self.run.p)
+
+    def _start(self) -> str:
+        """The moments at the start."""
+        if self.steady:
+            return self._filled("steady.c", {"tables": array("static const R start", map(constant, self.run.start.tolist()))})
+        include = f'#include "{self.prefix}_ground.h"\n' if self.ground.gaps else ""
+        prototype = f"void {self.prefix}_start_parts(const R *restrict p, R *restrict parts);\n"
+        values = start_values(self.functions, self.ground, map(constant, self._profile.tolist()))
+        return self._filled("start.c", {**values, "include": include + prototype})
 
     def _filled(self, template: str, values: Mapping[str, object] | None = None) -> str:
         text = resources("cadet_sym.export").joinpath("templates", template).read_text(encoding="utf-8")
@@ -203,13 +242,39 @@ class Library:
             "switches": self._switches,
             "distance": int(packing.distance),
             "operations": "\n".join(f" * {line}" for line in self._costs()),
-            "rate_operations": self.programs["rate"].operations,
+            "rate_operations": self._rate_operations,
             "output_operations": self.programs["outputs"].operations,
-            "initial_note": "" if "initial" in self.programs else "; at the default parameters, whatever p says",
+            "initial_note": self._initial_note,
+            "steady": int(self.steady),
+            "factors": self._factors(),
+            "squares": "@P@_STATES * @P@_STATES" if self.ground.gaps else "@P@_SIZE * @P@_SIZE",
             "state_enum": _enumeration(f"{upper}_STATE_", "states", self.states),
             "parameter_enum": _enumeration(f"{upper}_PARAMETER_", "parameters", self._described_parameters()),
             "output_enum": _enumeration(f"{upper}_OUTPUT_", "outputs", self.outputs),
         }
+
+    @property
+    def _initial_note(self) -> str:
+        if self.steady:
+            return ", stationary at the default parameters, whatever p says; use @p@_start"
+        if self._profile.any():
+            return "; what the profile behind the start adds to the means is that of the default parameters"
+        return ""
+
+    def _factors(self) -> str:
+        """Fields of a decomposed linear system."""
+        if not self.ground.gaps:
+            return "    @p@_real matrix[@P@_SIZE * @P@_SIZE];\n    int pivots[@P@_SIZE];"
+        head, ground = self.ground.head, self.ground.size - self.ground.head
+        return (
+            f"    @p@_real values[@P@_NONZEROS];\n    @p@_real blocks[{self.ground.blocks}];\n"
+            f"    @p@_real head[{head} * {head}];\n    @p@_real across[{head} * {ground}];\n"
+            f"    int pivots[@P@_SIZE];\n    int coupled[{head}];"
+        )
+
+    @property
+    def _rate_operations(self) -> int:
+        return self.programs["rate"].operations + self.ground.operations
 
     def _described_parameters(self) -> dict[str, str]:
         """Parameters with what the model says about them."""
@@ -223,6 +288,8 @@ class Library:
         for key in ("rate", "jacobian", "outputs"):
             counts = ", ".join(f"{count} {kind}" for kind, count in self.programs[key].counts.items())
             yield from textwrap.wrap(f"{key}: {counts or 'nothing'}", 110, subsequent_indent="  ")
+        if self.ground.gaps:
+            yield f"rate, the ground between the wheels: {self.ground.operations} additions and multiplications"
 
     def _tables(self) -> str:
         name, pattern = self.prefix, self.pattern
@@ -231,82 +298,17 @@ class Library:
         parts = [
             f'#include "{name}_real.h"\n',
             f"const char *const {name}_model = {c_string(self.model_name)};",
-            _array(f"const char *const {name}_state_names", map(c_string, self.states)),
-            _array(f"const char *const {name}_parameter_names", map(c_string, self.lowered.parameters)),
-            _array(f"const char *const {name}_output_names", map(c_string, self.outputs)),
-            _array(f"const R {name}_default_parameters", map(constant, self.run.p.tolist())),
+            array(f"const char *const {name}_state_names", map(c_string, self.states)),
+            array(f"const char *const {name}_parameter_names", map(c_string, self.lowered.parameters)),
+            array(f"const char *const {name}_output_names", map(c_string, self.outputs)),
+            array(f"const R {name}_default_parameters", map(constant, self.run.p.tolist())),
             f"const R {name}_duration = {constant(self.run.duration)};",
             f"const int {name}_points = {self.run.points};",
             f"const R {name}_start_speed = {constant(V)};",
-            _array(f"const int {name}_jacobian_column", map(str, columns)),
-            _array(f"const int {name}_jacobian_row", map(str, rows)),
+            array(f"const int {name}_jacobian_column", map(str, columns)),
+            array(f"const int {name}_jacobian_row", map(str, rows)),
         ]
-        if "initial" not in self.programs:
-            start = _array("static const R start", map(constant, self.run.start.tolist()))
-            copy = f"for (int i = 0; i < {name.upper()}_SIZE; i++)\n        y[i] = start[i];"
-            parts += [
-                start,
-                f"void {name}_initial(const R *restrict p, R *restrict y)\n{{\n    (void)p;\n    {copy}\n}}",
-            ]
         return "\n".join(parts) + "\n"
-
-    def _reference(self) -> str:
-        """Numbers that Python computed, rounded so that another machine's libm gives the same text."""
-        end, y = self._sample()
-        p, functions = self.run.p, self.functions
-        size = self._sizes(y)
-        # five digits of its size: no other integrator or machine gives another text
-        y = np.array([float(f"{value:.9g}") for value in np.round(y / (1e-5 * size)) * (1e-5 * size)])
-        numbers: dict[str, Iterable[float]] = {
-            "initial": self.run.start,
-            "sample_y": y,
-            "final": y,
-            "size": size,
-            "rate": np.asarray(functions.rate(end, y, p)).ravel(),
-            "jacobian": np.array(functions.jacobian(end, y, p).nonzeros()),
-            "output_mean": np.asarray(functions.outputs(end, y, p)[0]).ravel(),
-            "output_variance": np.asarray(functions.outputs(end, y, p)[1]).ravel(),
-        }
-        lines = [
-            "/* What cadet-sym computed; see test.c. */",
-            f"static const double sample_t = {end!r};",
-            f"static const double run_end = {end!r};",
-            f"static const int breakpoint_count = {len(find_breakpoints(self.lowered, p, self.run.duration))};",
-        ]
-        for key, values in numbers.items():
-            rounded = [f"{float(value) + 0.0:.12g}" for value in values]
-            lines.append(_array(f"static const double {key}", rounded))
-        return "\n".join(lines) + "\n"
-
-    def _sample(self) -> tuple[float, Array]:
-        """A time in the run and the moments there; the start itself if the run breaks down."""
-        # whole runs of larger models take long; the comparison needs only a part
-        part = 1 if self.lowered.equations.packing.size <= 20 else 20
-        end = float(f"{self.run.duration / part:.6g}")
-        if not end > 0:
-            return 0.0, self.run.start
-        start = Start(self.run.start, self.run.p, find_breakpoints(self.lowered, self.run.p, end))
-        try:
-            found = integrate(self.lowered, start, [end], rtol=1e-9, engine="direct")
-        except SolverError:
-            return 0.0, self.run.start
-        return end, found.y[-1]
-
-    def _sizes(self, y: Array) -> Array:
-        """The size of every moment, to one digit: standard deviations and their products."""
-        packing = self.lowered.equations.packing
-        mean, covariance = packing.unpack(y)
-        deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        rows, columns = packing.triangle
-        alongside = y[packing.moments :]
-        size = np.concatenate(
-            [
-                np.maximum(np.abs(mean), deviation),
-                deviation[rows] * deviation[columns],
-                np.full(len(alongside), np.abs(alongside).max(initial=0.0)),
-            ]
-        )
-        return np.array([10.0 ** np.floor(np.log10(s)) if s > 0 else 1.0 for s in size])
 
     def _readme(self) -> str:
         name, upper = self.prefix, self.prefix.upper()
@@ -324,7 +326,7 @@ class Library:
                 "casadi": CASADI_VERSION,
                 "size": packing.size,
                 "states": packing.n,
-                "step_operations": 4 * self.programs["rate"].operations + 13 * packing.size + 4,
+                "step_operations": 4 * self._rate_operations + 13 * packing.size + 4,
                 "scratch": max(program.scratch for program in self.programs.values()),
                 "upper": upper,
             },
@@ -341,13 +343,3 @@ def _enumeration(prefix: str, title: str, names: Sequence[str] | Mapping[str, st
         for k, (name, word) in enumerate(identifiers(names).items())
     ]
     return "\n".join([f"enum {{ /* {title} */", *members, "};"])
-
-
-def _array(declaration: str, values: Iterable[str]) -> str:
-    """A C array, at least one long, for C has no empty ones."""
-    items = list(values) or ["0"]
-    body = textwrap.fill(", ".join(items), 116, initial_indent="    ", subsequent_indent="    ",
-                         break_long_words=False, break_on_hyphens=False)
-    if any('"' in item for item in items):
-        body = ",\n".join(f"    {item}" for item in items)
-    return f"{declaration}[{len(items)}] = {{\n{body}\n}};"

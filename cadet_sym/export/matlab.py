@@ -12,7 +12,6 @@ from cadet_sym.errors import ExportError
 from cadet_sym.export.names import c_comment
 from cadet_sym.export.program import operations
 from cadet_sym.lowering.functions import MomentFunctions
-from cadet_sym.lowering.portable import PortableFunctions
 
 __all__ = ["matlab_text"]
 
@@ -69,7 +68,6 @@ HEAD = """function m = {name}()
 
 def matlab_text(
     lowered: MomentFunctions,
-    functions: PortableFunctions,
     p: npt.NDArray[np.float64],
     start: npt.NDArray[np.float64],
     name: str,
@@ -81,6 +79,7 @@ def matlab_text(
     ExportError
         If an operation has no counterpart in MATLAB.
     """
+    functions = _scalar_functions(lowered)
     model = lowered.equations.quasi_linear.system.model
     outputs = tuple(lowered.equations.quasi_linear.outputs)
     lines = [HEAD.format(name=name, title=c_comment(model.name)).rstrip()]
@@ -91,16 +90,31 @@ def matlab_text(
     lines.append(f"m.y0 = {_column(start)};")
     lines.append(f"m.duration = {model.number(model.run.duration)!r};")
     lines.append("m.rate = @rate;\nm.jacobian = @jacobian;\nm.outputs = @outputs;\nend")
-    lines += ["", "function dy = rate(t, y, p)", *_body(functions.rate), "end"]
-    pattern = functions.jacobian.sparsity_out(0)
+    lines += ["", "function dy = rate(t, y, p)", *_body(functions["rate"]), "end"]
+    pattern = lowered.jacobian.sparsity_out(0)
     rows, columns = pattern.get_triplet()
-    size = functions.rate.size1_out(0)
-    lines += ["", "function J = jacobian(t, y, p)", *_body(functions.jacobian)]
+    size = lowered.rate.size1_out(0)
+    lines += ["", "function J = jacobian(t, y, p)", *_body(functions["jacobian"])]
     lines.append(f"J = sparse({_integers(rows)}, {_integers(columns)}, values, {size}, {size});")
-    lines += ["end", "", "function moments = outputs(t, y, p)", *_body(functions.outputs)]
+    lines += ["end", "", "function moments = outputs(t, y, p)", *_body(functions["outputs"])]
     lines += ["moments = [mean, variance];", "end", "", "function x = pick(condition, x)"]
     lines += ["if condition == 0", "    x = 0;", "end", "end", ""]
     return "\n".join(lines)
+
+
+def _scalar_functions(lowered: MomentFunctions) -> dict[str, ca.Function]:
+    """Rate, entries of the Jacobian, outputs; every result dense."""
+    t, y = ca.SX.sym("t"), ca.SX.sym("y", lowered.equations.packing.size)
+    p = ca.SX.sym("p", len(lowered.parameters))
+    results = {
+        "rate": {"dy": ca.densify(lowered.rate(t, y, p))},
+        "jacobian": {"values": ca.vertcat(*lowered.jacobian(t, y, p).nz)},
+        "outputs": dict(zip(("mean", "variance"), map(ca.densify, lowered.outputs(t, y, p)), strict=True)),
+    }
+    return {
+        name: ca.Function(name, [t, y, p], [ca.SX(v) for v in parts.values()], ["t", "y", "p"], list(parts))
+        for name, parts in results.items()
+    }
 
 
 def _body(function: ca.Function) -> Iterator[str]:

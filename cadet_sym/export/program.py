@@ -16,8 +16,9 @@ from functools import cache
 import casadi as ca
 
 from cadet_sym.errors import ExportError
+from cadet_sym.export.tables import constant
 
-__all__ = ["Program", "Step", "constant", "operations", "translate"]
+__all__ = ["Program", "Step", "operations", "translate"]
 
 BLOCK = 1500
 """Operations of one C function; compile time grows faster than its length."""
@@ -165,15 +166,6 @@ def operations(function: ca.Function, scalars: Sequence[str]) -> list[Step]:
                 "write the model without it"
             )
     return steps
-
-
-def constant(value: float) -> str:
-    """A number as C, to its last bit."""
-    if value != value:
-        return "(R)NAN"
-    if value in (float("inf"), float("-inf")):
-        return "(R)INFINITY" if value > 0 else "(-(R)INFINITY)"
-    return f"{'TINY' if 0 < abs(value) < 1e-30 else 'K'}({value!r})"
 
 
 def _last_uses(steps: Sequence[Step]) -> dict[int, int]:

@@ -12,36 +12,51 @@ from cadet_sym.language.expression import SPEED
 from cadet_sym.lowering.expressions import to_casadi
 from cadet_sym.moments import MomentEquations, gate_symbol
 
-__all__ = ["delay_rates", "tracks_of"]
+__all__ = ["ground_rates", "tracks_of", "transport", "wheel_forcing"]
 
 _Environment = Mapping[sp.Symbol, ca.SX]
 
 
-def delay_rates(equations: MomentEquations, N: ca.SX, g: ca.SX, env: _Environment) -> tuple[ca.SX, ca.SX]:
-    """What wheels that follow each other add to P' (n, n), and the rate of the packed correlation g.
-
-    G_j' = N G_j - (V/h) (sum_i D_ji G_i + D_j0 G_in);   P' gets V sum_(k>=2) (g_k Q b_k^T + b_k Q g_k^T).
-    """
+def wheel_forcing(equations: MomentEquations, g: ca.SX, env: _Environment) -> ca.SX:
+    """What wheels that follow each other add to P' (n, n): V sum_(k>=2) (g_k Q b_k^T + b_k Q g_k^T)."""
     assert equations.delay is not None
-    V = env[SPEED]
-    forcing = ca.SX(N.size1(), N.size1())
-    rates = []
+    n = equations.packing.n
+    forcing = ca.SX(n, n)
     for track, nodes in tracks_of(equations.delay, g):
-        inputs = [_columns(equations, columns, env) for columns in track.columns]
         setbacks = _setbacks(equations, track)
-        intensity = _intensity(equations, track, env)
-        inflow, first = inputs[0], 0
+        intensity, first = _intensity(equations, track, env), 0
         for k, gap in enumerate(track.gaps, start=1):
-            count = gap.elements * gap.nodes
-            speed = V * gap.elements / to_casadi(setbacks[k] - setbacks[k - 1], env)
-            rates += _gap_rates(gap, N, speed, inflow, nodes[first : first + count])
-            first += count
-            arriving = nodes[first - 1]
+            first += gap.elements * gap.nodes
             gate = env.get(gate_symbol(setbacks[k]), ca.SX(1))
-            cross = ca.mtimes([arriving, intensity, inputs[k].T]) * gate
-            forcing += V * (cross + cross.T)
-            inflow = arriving + inputs[k]
-    return forcing, ca.vertcat(*(ca.vec(rate) for rate in rates))
+            cross = ca.mtimes([nodes[first - 1], intensity, _columns(equations, track.columns[k], env).T]) * gate
+            forcing += env[SPEED] * (cross + cross.T)
+    return forcing
+
+
+def ground_rates(equations: MomentEquations, N: ca.SX, g: ca.SX, env: _Environment) -> ca.SX:
+    """The rate of the packed correlation g: G_j' = N G_j - (V/h) (sum_i D_ji G_i + D_j0 G_in)."""
+    assert equations.delay is not None
+    rates, travel = [], iter(transport(equations, env))
+    for track, nodes in tracks_of(equations.delay, g):
+        first = 0
+        for k, gap in enumerate(track.gaps):
+            speed, entering = next(travel)
+            inflow = entering if k == 0 else nodes[first - 1] + entering
+            rates += _gap_rates(gap, N, speed, inflow, nodes[first : first + gap.elements * gap.nodes])
+            first += gap.elements * gap.nodes
+    return ca.vertcat(*(ca.vec(rate) for rate in rates))
+
+
+def transport(equations: MomentEquations, env: _Environment) -> list[tuple[ca.SX, ca.SX]]:
+    """For every gap of every track: elements passed a second V/h, and what the wheel before it adds, b_k (n, q)."""
+    assert equations.delay is not None
+    travel = []
+    for track in equations.delay.tracks:
+        setbacks = _setbacks(equations, track)
+        for k, gap in enumerate(track.gaps):
+            speed = env[SPEED] * gap.elements / to_casadi(setbacks[k + 1] - setbacks[k], env)
+            travel.append((speed, _columns(equations, track.columns[k], env)))
+    return travel
 
 
 def tracks_of(grid: DelayGrid, g: ca.SX) -> Iterator[tuple[TrackDelay, list[ca.SX]]]:

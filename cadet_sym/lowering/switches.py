@@ -28,10 +28,11 @@ def switch_functions(lowered: LoweredSystem) -> ca.Function:
     t, s, p = ca.SX.sym("t"), ca.SX.sym("s"), ca.SX.sym("p", len(lowered.parameters))
     env = lowered.environment(ca.vertcat(t, s, 0, 0), p)
     known = {TIME, DISTANCE, *(symbol(name) for name in _parameters(lowered))}
-    found: dict[sp.Expr, None] = {}
+    switches: set[sp.Expr] = set()
     for expression in _inputs(lowered):
         for node in sp.preorder_traversal(expression):
-            found.update(dict.fromkeys(g for g in _switches(node) if _is_known(g, known)))
+            switches.update(g for g in _switches(node) if _is_known(g, known))
+    found = sorted(switches, key=sp.default_sort_key)
     start = lowered.motion(0, p)[3]
     gates = [DISTANCE - setback for setback in lowered.equations.gates.values()]
     in_time = [to_casadi(g, env) for g in found if DISTANCE not in g.free_symbols]
@@ -63,7 +64,7 @@ def _switches(node: sp.Basic) -> Iterator[sp.Expr]:
     elif isinstance(node, sp.Abs | sp.sign | sp.Heaviside):
         yield node.args[0]
     elif isinstance(node, sp.Max | sp.Min):
-        first, *rest = node.args
+        first, *rest = sorted(node.args, key=sp.default_sort_key)  # SymPy keeps them in no order
         yield from (other - first for other in rest)
     elif isinstance(node, Lookup):
         knots = node.knots if len(node.knots) <= ROWS else (node.knots[0], node.knots[-1])

@@ -16,7 +16,7 @@ import sympy as sp
 
 from cadet_sym.language.expression import DISTANCE, SPEED, SPEED_RATE, TIME, symbol
 from cadet_sym.linearisation import LinearForm, Nonlinearity, OutputForm
-from cadet_sym.lowering.delay import delay_rates
+from cadet_sym.lowering.delay import ground_rates, transport, wheel_forcing
 from cadet_sym.lowering.elements import element_function
 from cadet_sym.lowering.expressions import to_casadi
 from cadet_sym.moments import MomentEquations
@@ -24,6 +24,8 @@ from cadet_sym.moments import MomentEquations
 __all__ = ["LoweredSystem", "lower"]
 
 _Environment = Mapping[sp.Symbol, ca.SX]
+
+_PARTS = ["dy", "N", "speed", "entering"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,13 +52,30 @@ class LoweredSystem:
         )
 
     @cached_property
+    def parts(self) -> ca.Function:
+        """(t, y, p) -> rate but for the ground between the wheels, N (sparse), V/h and b of every gap (see `transport`)."""
+        t, y, p = ca.SX.sym("t"), ca.SX.sym("y", self.equations.packing.size), self._p()
+        ctx = self._context(t, y, p)
+        env = self.environment(ctx, p) | self._gates(ctx, p)
+        return ca.Function("parts", [t, y, p], self._parts(y, env), ["t", "y", "p"], _PARTS)
+
+    @cached_property
+    def held_parts(self) -> ca.Function:
+        """(t, s, V, y, p) -> the same at a constant speed, wheels all on the ground."""
+        arguments, env = self._held()
+        return ca.Function("held_parts", arguments, self._parts(arguments[3], env), ["t", "s", "V", "y", "p"], _PARTS)
+
+    @cached_property
     def held_rate(self) -> ca.Function:
         """(t, s, V, y, p) -> dy/dt at a constant speed, wheels all on the ground."""
+        arguments, env = self._held()
+        return ca.Function("held_rate", arguments, [self._rate(arguments[3], env)], ["t", "s", "V", "y", "p"], ["dy"])
+
+    def _held(self) -> tuple[list[ca.SX], dict[sp.Symbol, ca.SX]]:
         t, s, V = ca.SX.sym("t"), ca.SX.sym("s"), ca.SX.sym("V")
         y, p = ca.SX.sym("y", self.equations.packing.size), self._p()
         gates = {gate: ca.SX(1) for gate in self.equations.gates}
-        env = self.environment(ca.vertcat(t, s, V, 0), p) | gates
-        return ca.Function("held_rate", [t, s, V, y, p], [self._rate(y, env)], ["t", "s", "V", "y", "p"], ["dy"])
+        return [t, s, V, y, p], self.environment(ca.vertcat(t, s, V, 0), p) | gates
 
     @cached_property
     def outputs(self) -> ca.Function:
@@ -214,6 +233,17 @@ class LoweredSystem:
             env |= {k: gain[a] for a, k in enumerate(equations.gains[j])}
 
     def _rate(self, y: ca.SX, env: dict[sp.Symbol, ca.SX]) -> ca.SX:
+        head, N = self._head(y, env)
+        if self.equations.delay is None:
+            return head
+        return ca.densify(ca.vertcat(head, ground_rates(self.equations, N, self._ground(y), env)))
+
+    def _ground(self, y: ca.SX) -> ca.SX:
+        """The correlation with the ground between the wheels."""
+        return y[y.numel() - self.equations.packing.ground :]
+
+    def _head(self, y: ca.SX, env: dict[sp.Symbol, ca.SX]) -> tuple[ca.SX, ca.SX]:
+        """Rate of the moments, and of the distance if it is integrated; and N."""
         equations, packing = self.equations, self.equations.packing
         mu, P = self._moments(y)
         self._add_elements(mu, P, env)
@@ -223,13 +253,17 @@ class LoweredSystem:
         half = ca.mtimes(N, P)
         # P' = N P + P N' + D
         covariance_rate = half + half.T + _sparse(equations.diffusion, env)
-        alongside = [env[SPEED]] if packing.distance else []
         if equations.delay is not None:
-            forcing, ground_rate = delay_rates(equations, N, y[packing.size - packing.ground :], env)
-            covariance_rate += forcing
-            alongside.append(ground_rate)
+            covariance_rate += wheel_forcing(equations, self._ground(y), env)
         triangle = covariance_rate[ca.Sparsity.lower(packing.n)].nz[:]
-        return ca.densify(ca.vertcat(mean_rate, triangle, *alongside))
+        return ca.densify(ca.vertcat(mean_rate, triangle, *[env[SPEED]] * packing.distance)), N
+
+    def _parts(self, y: ca.SX, env: dict[sp.Symbol, ca.SX]) -> list[ca.SX]:
+        """Rate of what goes before the ground between the wheels, and what moves that ground."""
+        head, N = self._head(y, env)
+        travel = transport(self.equations, env)
+        entering = [ca.densify(ca.vec(columns)) for _, columns in travel]
+        return [head, N, ca.vertcat(*(speed for speed, _ in travel)), ca.vertcat(*entering)]
 
 
 def lower(equations: MomentEquations) -> LoweredSystem:

@@ -108,7 +108,7 @@ typedef enum {
     DUFFING_TOO_MANY_STEPS, /* the explicit method on a stiff problem, or a tolerance that is too tight */
     DUFFING_STEP_TOO_SMALL, /* the moments grow without bound, or the tolerance is below rounding */
     DUFFING_NOT_FINITE,     /* a rate is not a number: check the parameters and the start */
-    DUFFING_SINGULAR,       /* a linear system has no solution: a state that drifts has no stationary moments */
+    DUFFING_SINGULAR,       /* a linear system has no solution: states, or a combination of them, drift without bound */
     DUFFING_NO_CONVERGENCE, /* no stationary moments were found from this start */
     DUFFING_NOT_SEMIDEFINITE /* what was found is not a covariance */
 } duffing_status;
@@ -117,13 +117,19 @@ const char *duffing_status_text(duffing_status status);
 
 /* ---- Propagation ----------------------------------------------------------------------------------------- */
 
+/* A linear system with the Jacobian, decomposed. */
+typedef struct {
+    duffing_real matrix[DUFFING_SIZE * DUFFING_SIZE];
+    int pivots[DUFFING_SIZE];
+} duffing_factors;
+
 /* Working memory of the stiff method; of no interest otherwise. */
 typedef struct {
     duffing_real values[DUFFING_NONZEROS > 0 ? DUFFING_NONZEROS : 1];
-    duffing_real matrix[DUFFING_SIZE * DUFFING_SIZE];
     duffing_real stages[6][DUFFING_SIZE];
     duffing_real slope[DUFFING_SIZE];
-    int pivots[DUFFING_SIZE];
+    duffing_real diagonal[DUFFING_SIZE];
+    duffing_factors factors;
 } duffing_stiff;
 
 /* A run in progress. Set up with duffing_begin; the fields up to the blank line may then be changed. */
@@ -160,11 +166,10 @@ enum { DUFFING_STEP_OPERATIONS = 4 * DUFFING_RATE_OPERATIONS + 13 * DUFFING_SIZE
 
 typedef struct {
     duffing_real values[DUFFING_NONZEROS > 0 ? DUFFING_NONZEROS : 1];
-    duffing_real matrix[DUFFING_SIZE * DUFFING_SIZE];
     duffing_real second[DUFFING_SIZE * DUFFING_SIZE];
     duffing_real third[DUFFING_SIZE * DUFFING_SIZE];
-    duffing_real vectors[9][DUFFING_SIZE];
-    int pivots[DUFFING_SIZE];
+    duffing_real vectors[11][DUFFING_SIZE];
+    duffing_factors factors;
     int left_out[DUFFING_SIZE];
 } duffing_stationary_work;
 
@@ -181,9 +186,12 @@ typedef struct {
 
 void duffing_stationary_begin(duffing_stationary_problem *problem, duffing_real speed, duffing_stationary_work *work);
 
-/* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none.
- * Wheels that follow each other are as exact as the grid between them. */
+/* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none. */
 duffing_status duffing_stationary(duffing_stationary_problem *problem, const duffing_real *p, duffing_real *y);
+
+/* y at t = 0, stationary where the model starts so (`work` is needed then only; 0 else). */
+enum { DUFFING_STEADY_START = 0 };
+duffing_status duffing_start(const duffing_real *p, duffing_stationary_work *work, duffing_real *y);
 
 /* The rate, its Jacobian (pattern as above) and the outputs at a speed held constant. */
 void duffing_held_rate(duffing_real t, duffing_real s, duffing_real V, const duffing_real *DUFFING_RESTRICT y,
@@ -204,6 +212,9 @@ enum { DUFFING_DISTANCE = 0 };
 /* LU decomposition with pivoting, in place, of a full matrix (column by column); 0 if it is singular. */
 int duffing_decompose(int n, duffing_real *matrix, int *pivots);
 void duffing_solve(int n, const duffing_real *matrix, const int *pivots, duffing_real *x);
+/* factor * Jacobian + a diagonal matrix, decomposed; 0 if it is singular. x becomes the solution for x. */
+int duffing_factorise(const duffing_real *values, duffing_real factor, const duffing_real *diagonal, duffing_factors *factors);
+void duffing_backsolve(const duffing_factors *factors, duffing_real *x);
 /* Add factor * Jacobian to a full matrix. */
 void duffing_add_jacobian(const duffing_real *values, duffing_real factor, duffing_real *matrix);
 

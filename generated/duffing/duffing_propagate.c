@@ -133,12 +133,9 @@ static R stiff_step(duffing_run *run, const R *p, R h, R last)
     R sum = K(0.0);
     duffing_jacobian(run->t, run->y, p, work->values);
     duffing_slope(run->t, run->y, p, work->slope);
-    for (int i = 0; i < SIZE * SIZE; i++)
-        work->matrix[i] = K(0.0);
-    duffing_add_jacobian(work->values, K(-1.0), work->matrix);
     for (int i = 0; i < SIZE; i++)
-        work->matrix[i * SIZE + i] += K(1.0) / (K(0.25) * h);
-    if (!duffing_decompose(SIZE, work->matrix, work->pivots))
+        work->diagonal[i] = K(1.0) / (K(0.25) * h);
+    if (!duffing_factorise(work->values, K(-1.0), work->diagonal, &work->factors))
         return K(1e10);
     for (int stage = 0; stage < 6; stage++) {
         for (int i = 0; i < SIZE; i++) {
@@ -154,7 +151,7 @@ static R stiff_step(duffing_run *run, const R *p, R h, R last)
                 right += c[stage][j] / h * k[j][i];
             k[stage][i] = right;
         }
-        duffing_solve(SIZE, work->matrix, work->pivots, k[stage]);
+        duffing_backsolve(&work->factors, k[stage]);
     }
     for (int i = 0; i < SIZE; i++) {
         next[i] += k[5][i];

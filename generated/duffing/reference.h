@@ -17,8 +17,8 @@ static const double size[5] = {
 static const double rate[5] = {
     0, 0, 1.4e-05, 1.56904520001e-05, -3.2238668e-05
 };
-static const double jacobian[13] = {
-    -2.302762, 0, 0, 1, -0.1, 0, -3.605524, -4.2e-05, 2, -0.1, -4.605524, 1, -0.2
+static const double jacobian[5] = {
+    1, -0.3302762, 0.2, 0.6294476, -0.6605566
 };
 static const double output_mean[1] = {
     0.858559402387

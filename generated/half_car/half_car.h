@@ -35,12 +35,13 @@ enum {
 };
 
 /* Operations of one evaluation; they do not depend on the data.
- * rate: 2564 additions, 61 divisions, 2967 multiplications
- * jacobian: 2005 additions, 61 divisions, 1717 multiplications
+ * rate: 487 additions, 61 divisions, 567 multiplications
+ * jacobian: 195 additions, 60 divisions, 85 multiplications
  * outputs: 175 additions, 16 divisions, 191 multiplications
+ * rate, the ground between the wheels: 4940 additions and multiplications
  */
 enum {
-    HALF_CAR_RATE_OPERATIONS = 5592,
+    HALF_CAR_RATE_OPERATIONS = 6055,
     HALF_CAR_OUTPUT_OPERATIONS = 382
 };
 
@@ -131,7 +132,7 @@ typedef enum {
     HALF_CAR_TOO_MANY_STEPS, /* the explicit method on a stiff problem, or a tolerance that is too tight */
     HALF_CAR_STEP_TOO_SMALL, /* the moments grow without bound, or the tolerance is below rounding */
     HALF_CAR_NOT_FINITE,     /* a rate is not a number: check the parameters and the start */
-    HALF_CAR_SINGULAR,       /* a linear system has no solution: a state that drifts has no stationary moments */
+    HALF_CAR_SINGULAR,       /* a linear system has no solution: states, or a combination of them, drift without bound */
     HALF_CAR_NO_CONVERGENCE, /* no stationary moments were found from this start */
     HALF_CAR_NOT_SEMIDEFINITE /* what was found is not a covariance */
 } half_car_status;
@@ -140,13 +141,23 @@ const char *half_car_status_text(half_car_status status);
 
 /* ---- Propagation ----------------------------------------------------------------------------------------- */
 
+/* A linear system with the Jacobian, decomposed. */
+typedef struct {
+    half_car_real values[HALF_CAR_NONZEROS];
+    half_car_real blocks[18432];
+    half_car_real head[90 * 90];
+    half_car_real across[90 * 192];
+    int pivots[HALF_CAR_SIZE];
+    int coupled[90];
+} half_car_factors;
+
 /* Working memory of the stiff method; of no interest otherwise. */
 typedef struct {
     half_car_real values[HALF_CAR_NONZEROS > 0 ? HALF_CAR_NONZEROS : 1];
-    half_car_real matrix[HALF_CAR_SIZE * HALF_CAR_SIZE];
     half_car_real stages[6][HALF_CAR_SIZE];
     half_car_real slope[HALF_CAR_SIZE];
-    int pivots[HALF_CAR_SIZE];
+    half_car_real diagonal[HALF_CAR_SIZE];
+    half_car_factors factors;
 } half_car_stiff;
 
 /* A run in progress. Set up with half_car_begin; the fields up to the blank line may then be changed. */
@@ -183,11 +194,10 @@ enum { HALF_CAR_STEP_OPERATIONS = 4 * HALF_CAR_RATE_OPERATIONS + 13 * HALF_CAR_S
 
 typedef struct {
     half_car_real values[HALF_CAR_NONZEROS > 0 ? HALF_CAR_NONZEROS : 1];
-    half_car_real matrix[HALF_CAR_SIZE * HALF_CAR_SIZE];
-    half_car_real second[HALF_CAR_SIZE * HALF_CAR_SIZE];
-    half_car_real third[HALF_CAR_SIZE * HALF_CAR_SIZE];
-    half_car_real vectors[9][HALF_CAR_SIZE];
-    int pivots[HALF_CAR_SIZE];
+    half_car_real second[HALF_CAR_STATES * HALF_CAR_STATES];
+    half_car_real third[HALF_CAR_STATES * HALF_CAR_STATES];
+    half_car_real vectors[11][HALF_CAR_SIZE];
+    half_car_factors factors;
     int left_out[HALF_CAR_SIZE];
 } half_car_stationary_work;
 
@@ -204,9 +214,12 @@ typedef struct {
 
 void half_car_stationary_begin(half_car_stationary_problem *problem, half_car_real speed, half_car_stationary_work *work);
 
-/* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none.
- * Wheels that follow each other are as exact as the grid between them. */
+/* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none. */
 half_car_status half_car_stationary(half_car_stationary_problem *problem, const half_car_real *p, half_car_real *y);
+
+/* y at t = 0, stationary where the model starts so (`work` is needed then only; 0 else). */
+enum { HALF_CAR_STEADY_START = 0 };
+half_car_status half_car_start(const half_car_real *p, half_car_stationary_work *work, half_car_real *y);
 
 /* The rate, its Jacobian (pattern as above) and the outputs at a speed held constant. */
 void half_car_held_rate(half_car_real t, half_car_real s, half_car_real V, const half_car_real *HALF_CAR_RESTRICT y,
@@ -227,6 +240,9 @@ enum { HALF_CAR_DISTANCE = 0 };
 /* LU decomposition with pivoting, in place, of a full matrix (column by column); 0 if it is singular. */
 int half_car_decompose(int n, half_car_real *matrix, int *pivots);
 void half_car_solve(int n, const half_car_real *matrix, const int *pivots, half_car_real *x);
+/* factor * Jacobian + a diagonal matrix, decomposed; 0 if it is singular. x becomes the solution for x. */
+int half_car_factorise(const half_car_real *values, half_car_real factor, const half_car_real *diagonal, half_car_factors *factors);
+void half_car_backsolve(const half_car_factors *factors, half_car_real *x);
 /* Add factor * Jacobian to a full matrix. */
 void half_car_add_jacobian(const half_car_real *values, half_car_real factor, half_car_real *matrix);
 

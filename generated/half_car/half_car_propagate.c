@@ -133,12 +133,9 @@ static R stiff_step(half_car_run *run, const R *p, R h, R last)
     R sum = K(0.0);
     half_car_jacobian(run->t, run->y, p, work->values);
     half_car_slope(run->t, run->y, p, work->slope);
-    for (int i = 0; i < SIZE * SIZE; i++)
-        work->matrix[i] = K(0.0);
-    half_car_add_jacobian(work->values, K(-1.0), work->matrix);
     for (int i = 0; i < SIZE; i++)
-        work->matrix[i * SIZE + i] += K(1.0) / (K(0.25) * h);
-    if (!half_car_decompose(SIZE, work->matrix, work->pivots))
+        work->diagonal[i] = K(1.0) / (K(0.25) * h);
+    if (!half_car_factorise(work->values, K(-1.0), work->diagonal, &work->factors))
         return K(1e10);
     for (int stage = 0; stage < 6; stage++) {
         for (int i = 0; i < SIZE; i++) {
@@ -154,7 +151,7 @@ static R stiff_step(half_car_run *run, const R *p, R h, R last)
                 right += c[stage][j] / h * k[j][i];
             k[stage][i] = right;
         }
-        half_car_solve(SIZE, work->matrix, work->pivots, k[stage]);
+        half_car_backsolve(&work->factors, k[stage]);
     }
     for (int i = 0; i < SIZE; i++) {
         next[i] += k[5][i];

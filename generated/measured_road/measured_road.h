@@ -122,7 +122,7 @@ typedef enum {
     MEASURED_ROAD_TOO_MANY_STEPS, /* the explicit method on a stiff problem, or a tolerance that is too tight */
     MEASURED_ROAD_STEP_TOO_SMALL, /* the moments grow without bound, or the tolerance is below rounding */
     MEASURED_ROAD_NOT_FINITE,     /* a rate is not a number: check the parameters and the start */
-    MEASURED_ROAD_SINGULAR,       /* a linear system has no solution: a state that drifts has no stationary moments */
+    MEASURED_ROAD_SINGULAR,       /* a linear system has no solution: states, or a combination of them, drift without bound */
     MEASURED_ROAD_NO_CONVERGENCE, /* no stationary moments were found from this start */
     MEASURED_ROAD_NOT_SEMIDEFINITE /* what was found is not a covariance */
 } measured_road_status;
@@ -131,13 +131,19 @@ const char *measured_road_status_text(measured_road_status status);
 
 /* ---- Propagation ----------------------------------------------------------------------------------------- */
 
+/* A linear system with the Jacobian, decomposed. */
+typedef struct {
+    measured_road_real matrix[MEASURED_ROAD_SIZE * MEASURED_ROAD_SIZE];
+    int pivots[MEASURED_ROAD_SIZE];
+} measured_road_factors;
+
 /* Working memory of the stiff method; of no interest otherwise. */
 typedef struct {
     measured_road_real values[MEASURED_ROAD_NONZEROS > 0 ? MEASURED_ROAD_NONZEROS : 1];
-    measured_road_real matrix[MEASURED_ROAD_SIZE * MEASURED_ROAD_SIZE];
     measured_road_real stages[6][MEASURED_ROAD_SIZE];
     measured_road_real slope[MEASURED_ROAD_SIZE];
-    int pivots[MEASURED_ROAD_SIZE];
+    measured_road_real diagonal[MEASURED_ROAD_SIZE];
+    measured_road_factors factors;
 } measured_road_stiff;
 
 /* A run in progress. Set up with measured_road_begin; the fields up to the blank line may then be changed. */
@@ -174,11 +180,10 @@ enum { MEASURED_ROAD_STEP_OPERATIONS = 4 * MEASURED_ROAD_RATE_OPERATIONS + 13 * 
 
 typedef struct {
     measured_road_real values[MEASURED_ROAD_NONZEROS > 0 ? MEASURED_ROAD_NONZEROS : 1];
-    measured_road_real matrix[MEASURED_ROAD_SIZE * MEASURED_ROAD_SIZE];
     measured_road_real second[MEASURED_ROAD_SIZE * MEASURED_ROAD_SIZE];
     measured_road_real third[MEASURED_ROAD_SIZE * MEASURED_ROAD_SIZE];
-    measured_road_real vectors[9][MEASURED_ROAD_SIZE];
-    int pivots[MEASURED_ROAD_SIZE];
+    measured_road_real vectors[11][MEASURED_ROAD_SIZE];
+    measured_road_factors factors;
     int left_out[MEASURED_ROAD_SIZE];
 } measured_road_stationary_work;
 
@@ -195,9 +200,12 @@ typedef struct {
 
 void measured_road_stationary_begin(measured_road_stationary_problem *problem, measured_road_real speed, measured_road_stationary_work *work);
 
-/* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none.
- * Wheels that follow each other are as exact as the grid between them. */
+/* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none. */
 measured_road_status measured_road_stationary(measured_road_stationary_problem *problem, const measured_road_real *p, measured_road_real *y);
+
+/* y at t = 0, stationary where the model starts so (`work` is needed then only; 0 else). */
+enum { MEASURED_ROAD_STEADY_START = 0 };
+measured_road_status measured_road_start(const measured_road_real *p, measured_road_stationary_work *work, measured_road_real *y);
 
 /* The rate, its Jacobian (pattern as above) and the outputs at a speed held constant. */
 void measured_road_held_rate(measured_road_real t, measured_road_real s, measured_road_real V, const measured_road_real *MEASURED_ROAD_RESTRICT y,
@@ -218,6 +226,9 @@ enum { MEASURED_ROAD_DISTANCE = 0 };
 /* LU decomposition with pivoting, in place, of a full matrix (column by column); 0 if it is singular. */
 int measured_road_decompose(int n, measured_road_real *matrix, int *pivots);
 void measured_road_solve(int n, const measured_road_real *matrix, const int *pivots, measured_road_real *x);
+/* factor * Jacobian + a diagonal matrix, decomposed; 0 if it is singular. x becomes the solution for x. */
+int measured_road_factorise(const measured_road_real *values, measured_road_real factor, const measured_road_real *diagonal, measured_road_factors *factors);
+void measured_road_backsolve(const measured_road_factors *factors, measured_road_real *x);
 /* Add factor * Jacobian to a full matrix. */
 void measured_road_add_jacobian(const measured_road_real *values, measured_road_real factor, measured_road_real *matrix);
 

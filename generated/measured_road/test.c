@@ -39,7 +39,12 @@ int main(void)
     measured_road_rate((R)sample_t, y, p, other);
     check("rate", other, rate, SIZE, exact);
     measured_road_jacobian((R)sample_t, y, p, values);
-    check("jacobian", values, jacobian, MEASURED_ROAD_NONZEROS, exact);
+    for (int i = 0; i < SIZE; i++)
+        other[i] = (R)0;
+    for (int j = 0; j < SIZE; j++)
+        for (int k = measured_road_jacobian_column[j]; k < measured_road_jacobian_column[j + 1]; k++)
+            other[measured_road_jacobian_row[k]] += values[k] * (R)size[j];
+    check("jacobian", other, jacobian, SIZE, exact);
     measured_road_outputs((R)sample_t, y, p, mean, variance);
     check("means", mean, output_mean, MEASURED_ROAD_OUTPUTS, exact);
     check("variances", variance, output_variance, MEASURED_ROAD_OUTPUTS, exact);

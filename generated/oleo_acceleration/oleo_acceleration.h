@@ -112,7 +112,7 @@ typedef enum {
     OLEO_ACCELERATION_TOO_MANY_STEPS, /* the explicit method on a stiff problem, or a tolerance that is too tight */
     OLEO_ACCELERATION_STEP_TOO_SMALL, /* the moments grow without bound, or the tolerance is below rounding */
     OLEO_ACCELERATION_NOT_FINITE,     /* a rate is not a number: check the parameters and the start */
-    OLEO_ACCELERATION_SINGULAR,       /* a linear system has no solution: a state that drifts has no stationary moments */
+    OLEO_ACCELERATION_SINGULAR,       /* a linear system has no solution: states, or a combination of them, drift without bound */
     OLEO_ACCELERATION_NO_CONVERGENCE, /* no stationary moments were found from this start */
     OLEO_ACCELERATION_NOT_SEMIDEFINITE /* what was found is not a covariance */
 } oleo_acceleration_status;
@@ -121,13 +121,19 @@ const char *oleo_acceleration_status_text(oleo_acceleration_status status);
 
 /* ---- Propagation ----------------------------------------------------------------------------------------- */
 
+/* A linear system with the Jacobian, decomposed. */
+typedef struct {
+    oleo_acceleration_real matrix[OLEO_ACCELERATION_SIZE * OLEO_ACCELERATION_SIZE];
+    int pivots[OLEO_ACCELERATION_SIZE];
+} oleo_acceleration_factors;
+
 /* Working memory of the stiff method; of no interest otherwise. */
 typedef struct {
     oleo_acceleration_real values[OLEO_ACCELERATION_NONZEROS > 0 ? OLEO_ACCELERATION_NONZEROS : 1];
-    oleo_acceleration_real matrix[OLEO_ACCELERATION_SIZE * OLEO_ACCELERATION_SIZE];
     oleo_acceleration_real stages[6][OLEO_ACCELERATION_SIZE];
     oleo_acceleration_real slope[OLEO_ACCELERATION_SIZE];
-    int pivots[OLEO_ACCELERATION_SIZE];
+    oleo_acceleration_real diagonal[OLEO_ACCELERATION_SIZE];
+    oleo_acceleration_factors factors;
 } oleo_acceleration_stiff;
 
 /* A run in progress. Set up with oleo_acceleration_begin; the fields up to the blank line may then be changed. */
@@ -164,11 +170,10 @@ enum { OLEO_ACCELERATION_STEP_OPERATIONS = 4 * OLEO_ACCELERATION_RATE_OPERATIONS
 
 typedef struct {
     oleo_acceleration_real values[OLEO_ACCELERATION_NONZEROS > 0 ? OLEO_ACCELERATION_NONZEROS : 1];
-    oleo_acceleration_real matrix[OLEO_ACCELERATION_SIZE * OLEO_ACCELERATION_SIZE];
     oleo_acceleration_real second[OLEO_ACCELERATION_SIZE * OLEO_ACCELERATION_SIZE];
     oleo_acceleration_real third[OLEO_ACCELERATION_SIZE * OLEO_ACCELERATION_SIZE];
-    oleo_acceleration_real vectors[9][OLEO_ACCELERATION_SIZE];
-    int pivots[OLEO_ACCELERATION_SIZE];
+    oleo_acceleration_real vectors[11][OLEO_ACCELERATION_SIZE];
+    oleo_acceleration_factors factors;
     int left_out[OLEO_ACCELERATION_SIZE];
 } oleo_acceleration_stationary_work;
 
@@ -185,9 +190,12 @@ typedef struct {
 
 void oleo_acceleration_stationary_begin(oleo_acceleration_stationary_problem *problem, oleo_acceleration_real speed, oleo_acceleration_stationary_work *work);
 
-/* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none.
- * Wheels that follow each other are as exact as the grid between them. */
+/* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none. */
 oleo_acceleration_status oleo_acceleration_stationary(oleo_acceleration_stationary_problem *problem, const oleo_acceleration_real *p, oleo_acceleration_real *y);
+
+/* y at t = 0, stationary where the model starts so (`work` is needed then only; 0 else). */
+enum { OLEO_ACCELERATION_STEADY_START = 0 };
+oleo_acceleration_status oleo_acceleration_start(const oleo_acceleration_real *p, oleo_acceleration_stationary_work *work, oleo_acceleration_real *y);
 
 /* The rate, its Jacobian (pattern as above) and the outputs at a speed held constant. */
 void oleo_acceleration_held_rate(oleo_acceleration_real t, oleo_acceleration_real s, oleo_acceleration_real V, const oleo_acceleration_real *OLEO_ACCELERATION_RESTRICT y,
@@ -208,6 +216,9 @@ enum { OLEO_ACCELERATION_DISTANCE = 0 };
 /* LU decomposition with pivoting, in place, of a full matrix (column by column); 0 if it is singular. */
 int oleo_acceleration_decompose(int n, oleo_acceleration_real *matrix, int *pivots);
 void oleo_acceleration_solve(int n, const oleo_acceleration_real *matrix, const int *pivots, oleo_acceleration_real *x);
+/* factor * Jacobian + a diagonal matrix, decomposed; 0 if it is singular. x becomes the solution for x. */
+int oleo_acceleration_factorise(const oleo_acceleration_real *values, oleo_acceleration_real factor, const oleo_acceleration_real *diagonal, oleo_acceleration_factors *factors);
+void oleo_acceleration_backsolve(const oleo_acceleration_factors *factors, oleo_acceleration_real *x);
 /* Add factor * Jacobian to a full matrix. */
 void oleo_acceleration_add_jacobian(const oleo_acceleration_real *values, oleo_acceleration_real factor, oleo_acceleration_real *matrix);
 

@@ -133,12 +133,9 @@ static R stiff_step(oleo_acceleration_run *run, const R *p, R h, R last)
     R sum = K(0.0);
     oleo_acceleration_jacobian(run->t, run->y, p, work->values);
     oleo_acceleration_slope(run->t, run->y, p, work->slope);
-    for (int i = 0; i < SIZE * SIZE; i++)
-        work->matrix[i] = K(0.0);
-    oleo_acceleration_add_jacobian(work->values, K(-1.0), work->matrix);
     for (int i = 0; i < SIZE; i++)
-        work->matrix[i * SIZE + i] += K(1.0) / (K(0.25) * h);
-    if (!oleo_acceleration_decompose(SIZE, work->matrix, work->pivots))
+        work->diagonal[i] = K(1.0) / (K(0.25) * h);
+    if (!oleo_acceleration_factorise(work->values, K(-1.0), work->diagonal, &work->factors))
         return K(1e10);
     for (int stage = 0; stage < 6; stage++) {
         for (int i = 0; i < SIZE; i++) {
@@ -154,7 +151,7 @@ static R stiff_step(oleo_acceleration_run *run, const R *p, R h, R last)
                 right += c[stage][j] / h * k[j][i];
             k[stage][i] = right;
         }
-        oleo_acceleration_solve(SIZE, work->matrix, work->pivots, k[stage]);
+        oleo_acceleration_backsolve(&work->factors, k[stage]);
     }
     for (int i = 0; i < SIZE; i++) {
         next[i] += k[5][i];

@@ -112,7 +112,7 @@ typedef enum {
     OLEO_CONSTANT_SPEED_TOO_MANY_STEPS, /* the explicit method on a stiff problem, or a tolerance that is too tight */
     OLEO_CONSTANT_SPEED_STEP_TOO_SMALL, /* the moments grow without bound, or the tolerance is below rounding */
     OLEO_CONSTANT_SPEED_NOT_FINITE,     /* a rate is not a number: check the parameters and the start */
-    OLEO_CONSTANT_SPEED_SINGULAR,       /* a linear system has no solution: a state that drifts has no stationary moments */
+    OLEO_CONSTANT_SPEED_SINGULAR,       /* a linear system has no solution: states, or a combination of them, drift without bound */
     OLEO_CONSTANT_SPEED_NO_CONVERGENCE, /* no stationary moments were found from this start */
     OLEO_CONSTANT_SPEED_NOT_SEMIDEFINITE /* what was found is not a covariance */
 } oleo_constant_speed_status;
@@ -121,13 +121,19 @@ const char *oleo_constant_speed_status_text(oleo_constant_speed_status status);
 
 /* ---- Propagation ----------------------------------------------------------------------------------------- */
 
+/* A linear system with the Jacobian, decomposed. */
+typedef struct {
+    oleo_constant_speed_real matrix[OLEO_CONSTANT_SPEED_SIZE * OLEO_CONSTANT_SPEED_SIZE];
+    int pivots[OLEO_CONSTANT_SPEED_SIZE];
+} oleo_constant_speed_factors;
+
 /* Working memory of the stiff method; of no interest otherwise. */
 typedef struct {
     oleo_constant_speed_real values[OLEO_CONSTANT_SPEED_NONZEROS > 0 ? OLEO_CONSTANT_SPEED_NONZEROS : 1];
-    oleo_constant_speed_real matrix[OLEO_CONSTANT_SPEED_SIZE * OLEO_CONSTANT_SPEED_SIZE];
     oleo_constant_speed_real stages[6][OLEO_CONSTANT_SPEED_SIZE];
     oleo_constant_speed_real slope[OLEO_CONSTANT_SPEED_SIZE];
-    int pivots[OLEO_CONSTANT_SPEED_SIZE];
+    oleo_constant_speed_real diagonal[OLEO_CONSTANT_SPEED_SIZE];
+    oleo_constant_speed_factors factors;
 } oleo_constant_speed_stiff;
 
 /* A run in progress. Set up with oleo_constant_speed_begin; the fields up to the blank line may then be changed. */
@@ -164,11 +170,10 @@ enum { OLEO_CONSTANT_SPEED_STEP_OPERATIONS = 4 * OLEO_CONSTANT_SPEED_RATE_OPERAT
 
 typedef struct {
     oleo_constant_speed_real values[OLEO_CONSTANT_SPEED_NONZEROS > 0 ? OLEO_CONSTANT_SPEED_NONZEROS : 1];
-    oleo_constant_speed_real matrix[OLEO_CONSTANT_SPEED_SIZE * OLEO_CONSTANT_SPEED_SIZE];
     oleo_constant_speed_real second[OLEO_CONSTANT_SPEED_SIZE * OLEO_CONSTANT_SPEED_SIZE];
     oleo_constant_speed_real third[OLEO_CONSTANT_SPEED_SIZE * OLEO_CONSTANT_SPEED_SIZE];
-    oleo_constant_speed_real vectors[9][OLEO_CONSTANT_SPEED_SIZE];
-    int pivots[OLEO_CONSTANT_SPEED_SIZE];
+    oleo_constant_speed_real vectors[11][OLEO_CONSTANT_SPEED_SIZE];
+    oleo_constant_speed_factors factors;
     int left_out[OLEO_CONSTANT_SPEED_SIZE];
 } oleo_constant_speed_stationary_work;
 
@@ -185,9 +190,12 @@ typedef struct {
 
 void oleo_constant_speed_stationary_begin(oleo_constant_speed_stationary_problem *problem, oleo_constant_speed_real speed, oleo_constant_speed_stationary_work *work);
 
-/* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none.
- * Wheels that follow each other are as exact as the grid between them. */
+/* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none. */
 oleo_constant_speed_status oleo_constant_speed_stationary(oleo_constant_speed_stationary_problem *problem, const oleo_constant_speed_real *p, oleo_constant_speed_real *y);
+
+/* y at t = 0, stationary where the model starts so (`work` is needed then only; 0 else). */
+enum { OLEO_CONSTANT_SPEED_STEADY_START = 0 };
+oleo_constant_speed_status oleo_constant_speed_start(const oleo_constant_speed_real *p, oleo_constant_speed_stationary_work *work, oleo_constant_speed_real *y);
 
 /* The rate, its Jacobian (pattern as above) and the outputs at a speed held constant. */
 void oleo_constant_speed_held_rate(oleo_constant_speed_real t, oleo_constant_speed_real s, oleo_constant_speed_real V, const oleo_constant_speed_real *OLEO_CONSTANT_SPEED_RESTRICT y,
@@ -208,6 +216,9 @@ enum { OLEO_CONSTANT_SPEED_DISTANCE = 0 };
 /* LU decomposition with pivoting, in place, of a full matrix (column by column); 0 if it is singular. */
 int oleo_constant_speed_decompose(int n, oleo_constant_speed_real *matrix, int *pivots);
 void oleo_constant_speed_solve(int n, const oleo_constant_speed_real *matrix, const int *pivots, oleo_constant_speed_real *x);
+/* factor * Jacobian + a diagonal matrix, decomposed; 0 if it is singular. x becomes the solution for x. */
+int oleo_constant_speed_factorise(const oleo_constant_speed_real *values, oleo_constant_speed_real factor, const oleo_constant_speed_real *diagonal, oleo_constant_speed_factors *factors);
+void oleo_constant_speed_backsolve(const oleo_constant_speed_factors *factors, oleo_constant_speed_real *x);
 /* Add factor * Jacobian to a full matrix. */
 void oleo_constant_speed_add_jacobian(const oleo_constant_speed_real *values, oleo_constant_speed_real factor, oleo_constant_speed_real *matrix);
 

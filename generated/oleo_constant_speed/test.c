@@ -39,7 +39,12 @@ int main(void)
     oleo_constant_speed_rate((R)sample_t, y, p, other);
     check("rate", other, rate, SIZE, exact);
     oleo_constant_speed_jacobian((R)sample_t, y, p, values);
-    check("jacobian", values, jacobian, OLEO_CONSTANT_SPEED_NONZEROS, exact);
+    for (int i = 0; i < SIZE; i++)
+        other[i] = (R)0;
+    for (int j = 0; j < SIZE; j++)
+        for (int k = oleo_constant_speed_jacobian_column[j]; k < oleo_constant_speed_jacobian_column[j + 1]; k++)
+            other[oleo_constant_speed_jacobian_row[k]] += values[k] * (R)size[j];
+    check("jacobian", other, jacobian, SIZE, exact);
     oleo_constant_speed_outputs((R)sample_t, y, p, mean, variance);
     check("means", mean, output_mean, OLEO_CONSTANT_SPEED_OUTPUTS, exact);
     check("variances", variance, output_variance, OLEO_CONSTANT_SPEED_OUTPUTS, exact);

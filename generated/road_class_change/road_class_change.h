@@ -124,7 +124,7 @@ typedef enum {
     ROAD_CLASS_CHANGE_TOO_MANY_STEPS, /* the explicit method on a stiff problem, or a tolerance that is too tight */
     ROAD_CLASS_CHANGE_STEP_TOO_SMALL, /* the moments grow without bound, or the tolerance is below rounding */
     ROAD_CLASS_CHANGE_NOT_FINITE,     /* a rate is not a number: check the parameters and the start */
-    ROAD_CLASS_CHANGE_SINGULAR,       /* a linear system has no solution: a state that drifts has no stationary moments */
+    ROAD_CLASS_CHANGE_SINGULAR,       /* a linear system has no solution: states, or a combination of them, drift without bound */
     ROAD_CLASS_CHANGE_NO_CONVERGENCE, /* no stationary moments were found from this start */
     ROAD_CLASS_CHANGE_NOT_SEMIDEFINITE /* what was found is not a covariance */
 } road_class_change_status;
@@ -133,13 +133,19 @@ const char *road_class_change_status_text(road_class_change_status status);
 
 /* ---- Propagation ----------------------------------------------------------------------------------------- */
 
+/* A linear system with the Jacobian, decomposed. */
+typedef struct {
+    road_class_change_real matrix[ROAD_CLASS_CHANGE_SIZE * ROAD_CLASS_CHANGE_SIZE];
+    int pivots[ROAD_CLASS_CHANGE_SIZE];
+} road_class_change_factors;
+
 /* Working memory of the stiff method; of no interest otherwise. */
 typedef struct {
     road_class_change_real values[ROAD_CLASS_CHANGE_NONZEROS > 0 ? ROAD_CLASS_CHANGE_NONZEROS : 1];
-    road_class_change_real matrix[ROAD_CLASS_CHANGE_SIZE * ROAD_CLASS_CHANGE_SIZE];
     road_class_change_real stages[6][ROAD_CLASS_CHANGE_SIZE];
     road_class_change_real slope[ROAD_CLASS_CHANGE_SIZE];
-    int pivots[ROAD_CLASS_CHANGE_SIZE];
+    road_class_change_real diagonal[ROAD_CLASS_CHANGE_SIZE];
+    road_class_change_factors factors;
 } road_class_change_stiff;
 
 /* A run in progress. Set up with road_class_change_begin; the fields up to the blank line may then be changed. */
@@ -176,11 +182,10 @@ enum { ROAD_CLASS_CHANGE_STEP_OPERATIONS = 4 * ROAD_CLASS_CHANGE_RATE_OPERATIONS
 
 typedef struct {
     road_class_change_real values[ROAD_CLASS_CHANGE_NONZEROS > 0 ? ROAD_CLASS_CHANGE_NONZEROS : 1];
-    road_class_change_real matrix[ROAD_CLASS_CHANGE_SIZE * ROAD_CLASS_CHANGE_SIZE];
     road_class_change_real second[ROAD_CLASS_CHANGE_SIZE * ROAD_CLASS_CHANGE_SIZE];
     road_class_change_real third[ROAD_CLASS_CHANGE_SIZE * ROAD_CLASS_CHANGE_SIZE];
-    road_class_change_real vectors[9][ROAD_CLASS_CHANGE_SIZE];
-    int pivots[ROAD_CLASS_CHANGE_SIZE];
+    road_class_change_real vectors[11][ROAD_CLASS_CHANGE_SIZE];
+    road_class_change_factors factors;
     int left_out[ROAD_CLASS_CHANGE_SIZE];
 } road_class_change_stationary_work;
 
@@ -197,9 +202,12 @@ typedef struct {
 
 void road_class_change_stationary_begin(road_class_change_stationary_problem *problem, road_class_change_real speed, road_class_change_stationary_work *work);
 
-/* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none.
- * Wheels that follow each other are as exact as the grid between them. */
+/* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none. */
 road_class_change_status road_class_change_stationary(road_class_change_stationary_problem *problem, const road_class_change_real *p, road_class_change_real *y);
+
+/* y at t = 0, stationary where the model starts so (`work` is needed then only; 0 else). */
+enum { ROAD_CLASS_CHANGE_STEADY_START = 0 };
+road_class_change_status road_class_change_start(const road_class_change_real *p, road_class_change_stationary_work *work, road_class_change_real *y);
 
 /* The rate, its Jacobian (pattern as above) and the outputs at a speed held constant. */
 void road_class_change_held_rate(road_class_change_real t, road_class_change_real s, road_class_change_real V, const road_class_change_real *ROAD_CLASS_CHANGE_RESTRICT y,
@@ -220,6 +228,9 @@ enum { ROAD_CLASS_CHANGE_DISTANCE = 0 };
 /* LU decomposition with pivoting, in place, of a full matrix (column by column); 0 if it is singular. */
 int road_class_change_decompose(int n, road_class_change_real *matrix, int *pivots);
 void road_class_change_solve(int n, const road_class_change_real *matrix, const int *pivots, road_class_change_real *x);
+/* factor * Jacobian + a diagonal matrix, decomposed; 0 if it is singular. x becomes the solution for x. */
+int road_class_change_factorise(const road_class_change_real *values, road_class_change_real factor, const road_class_change_real *diagonal, road_class_change_factors *factors);
+void road_class_change_backsolve(const road_class_change_factors *factors, road_class_change_real *x);
 /* Add factor * Jacobian to a full matrix. */
 void road_class_change_add_jacobian(const road_class_change_real *values, road_class_change_real factor, road_class_change_real *matrix);
 

@@ -1,82 +1,191 @@
+/* The moments at the start: standing on stationary ground, or on ground that is smooth behind the start. */
 #include "road_class_change_real.h"
+void road_class_change_start_parts(const R *restrict p, R *restrict parts);
+
+enum {
+    SIZE = ROAD_CLASS_CHANGE_SIZE, STATES = ROAD_CLASS_CHANGE_STATES, VEHICLE = 4, GROUND = 2, TRACKS = 1, MOST = 4
+};
+
+static const struct { int first, states, parts; } copies[] = {{0, 2, 28}};
+static const struct { int count, distances, members[1]; } tracks[] = {
+    {1, 38, {0}}
+};
+static const R profile[STATES] = {
+    K(0.0), K(0.0), K(0.0), K(0.0), K(0.0), K(0.0)
+};
+
+#if 1 > 0
+/* P of C P + P C' + forcing = 0: r^2 equations. Matrices are column by column here. */
+static void lyapunov(int r, const R *C, const R *forcing, R *P)
+{
+    R matrix[MOST * MOST];
+    int pivots[MOST];
+    for (int i = 0; i < r * r * r * r; i++)
+        matrix[i] = K(0.0);
+    for (int j = 0; j < r; j++)
+        for (int i = 0; i < r; i++) {
+            P[j * r + i] = -forcing[j * r + i];
+            for (int k = 0; k < r; k++) {
+                matrix[(j * r + k) * r * r + j * r + i] += C[k * r + i];
+                matrix[(k * r + i) * r * r + j * r + i] += C[k * r + j];
+            }
+        }
+    road_class_change_decompose(r * r, matrix, pivots);
+    road_class_change_solve(r * r, matrix, pivots, P);
+    for (int j = 0; j < r; j++)
+        for (int i = 0; i < j; i++)
+            P[j * r + i] = P[i * r + j] = (P[j * r + i] + P[i * r + j]) / K(2.0);
+}
+
+static void multiply(int rows, int inner, int columns, const R *a, const R *b, R *product)
+{
+    for (int j = 0; j < columns; j++)
+        for (int i = 0; i < rows; i++) {
+            R sum = K(0.0);
+            for (int k = 0; k < inner; k++)
+                sum += a[k * rows + i] * b[j * inner + k];
+            product[j * rows + i] = sum;
+        }
+}
+#endif
+
+#if 0 > 0
+/* Values at the nodes of all elements of a gap of G' = scale C G / h, and at its end, from the inflow: one column. */
+static void collocate(const road_class_change_gap *gap, int r, const R *C, R scale, R *tail, R *values)
+{
+    const int n = r * gap->nodes;
+    R matrix[MOST * MOST];
+    int pivots[MOST];
+    for (int i = 0; i < n * n; i++)
+        matrix[i] = K(0.0);
+    for (int j = 0; j < gap->nodes; j++)
+        for (int i = 0; i < r; i++) {
+            for (int m = 0; m < gap->nodes; m++)
+                matrix[(m * r + i) * n + j * r + i] += gap->derivative[j * (gap->nodes + 1) + m + 1];
+            for (int k = 0; k < r; k++)
+                matrix[(j * r + k) * n + j * r + i] -= scale * C[k * r + i];
+        }
+    road_class_change_decompose(n, matrix, pivots);
+    for (int e = 0; e < gap->elements; e++, values += n) {
+        for (int j = 0; j < gap->nodes; j++)
+            for (int i = 0; i < r; i++)
+                values[j * r + i] = -gap->derivative[j * (gap->nodes + 1)] * tail[i];
+        road_class_change_solve(n, matrix, pivots, values);
+        for (int i = 0; i < r; i++)
+            tail[i] = values[n - r + i];
+    }
+}
+
+#if !0
+/* G behind the wheels of a gap: what each filter copy has met, and what the vehicle carries of it. */
+static void behind(const road_class_change_gap *gap, R length, const R *parts, const R *map, int copy, R *tail, R *y)
+{
+    const int r = copies[copy].states, nodes = gap->elements * gap->nodes;
+    R values[LONGEST];
+    for (int q = 0; q < gap->columns; q++) {
+        collocate(gap, r, parts + copies[copy].parts, length / (R)gap->elements, tail + q * r, values);
+        for (int j = 0; j < nodes; j++) {
+            R *G = y + gap->first + (j * gap->columns + q) * STATES;
+            for (int i = 0; i < r; i++) {
+                const int state = copies[copy].first + i;
+                G[VEHICLE + state] = values[j * r + i];
+                for (int k = 0; k < VEHICLE; k++)
+                    G[k] += map[state * VEHICLE + k] * values[j * r + i];
+            }
+        }
+    }
+}
+#endif
+
+static void between(const R *parts, const R *map, R *y)
+{
+    const road_class_change_gap *gap = road_class_change_gaps;
+    R tails[COPIES * WIDEST];
+    for (int i = HEAD; i < SIZE; i++)
+        y[i] = K(0.0);
+#if 0
+    const R *N = parts + LAST_PART, V = N[STATES * STATES], *entering = N + STATES * STATES + 1;
+    (void)map;
+#endif
+    for (int track = 0; track < TRACKS; track++) {
+        for (int i = 0; i < COPIES * WIDEST; i++)
+            tails[i] = K(0.0);
+        for (int k = 0; k + 1 < tracks[track].count; k++, gap++) {
+            const R length = parts[tracks[track].distances + k];
+#if 0
+            /* nothing is read before the gates open: any smooth data will do, those of steady travel do best */
+            R values[LONGEST];
+            for (int q = 0; q < gap->columns; q++) {
+                R *tail = tails + q * STATES;
+                for (int i = 0; i < STATES; i++)
+                    tail[i] += *entering++;
+                if (V > K(1e-9))
+                    collocate(gap, STATES, N, length / (R)gap->elements / V, tail, values);
+                for (int j = 0; j < gap->elements * gap->nodes; j++)
+                    for (int i = 0; i < STATES; i++)
+                        y[gap->first + (j * gap->columns + q) * STATES + i] =
+                            V > K(1e-9) ? values[j * STATES + i] : tail[i];
+            }
+#else
+            const int here = tracks[track].members[k], r = copies[here].states;
+            for (int i = 0; i < r * gap->columns; i++)
+                tails[k * WIDEST + i] = parts[copies[here].parts + 2 * r * r + i];
+            for (int c = 0; c <= k; c++)
+                behind(gap, length, parts, map, tracks[track].members[c], tails + c * WIDEST, y);
+#endif
+        }
+    }
+}
+#endif
 
 void road_class_change_initial(const R *restrict p, R *restrict y)
 {
-    y[0] = K(0.0);
-    y[1] = K(0.0);
-    y[2] = K(0.0);
-    y[3] = K(0.0);
-    y[4] = K(0.0);
-    y[5] = K(0.0);
-    const R a6 = (R)(K(0.0) < p[8]);
-    const R a7 = a6 != K(0.0) ? p[6] : K(0.0);
-    const R a8 = (R)(a6 == K(0.0));
-    const R a9 = a8 != K(0.0) ? p[7] : K(0.0);
-    const R a10 = a7 + a9;
-    const R a11 = K(-9.864788785090996) * a10;
-    const R a12 = a11 / K(12.65007471297709);
-    const R a13 = K(-1.414213562373095) * a12;
-    const R a14 = K(9.876202908444764) * a12;
-    const R a15 = K(-7.701666424986703) * a10;
-    const R a16 = a14 - a15;
-    const R a17 = a16 / K(2.499532834853305);
-    const R a18 = K(5.727564927611034) * a17;
-    const R a19 = a13 - a18;
-    const R a20 = K(2.2082178034163027) * a12;
-    const R a21 = K(-1.7220137205855934) * a10;
-    const R a22 = a20 - a21;
-    const R a23 = K(-5.310116345946687) * a17;
-    const R a24 = a22 - a23;
-    const R a25 = a24 / K(5.868986283848344);
-    const R a26 = K(5.727564927611034) * a25;
-    const R a27 = a19 - a26;
-    const R a28 = a27 / K(1.1313708498984762);
-    y[6] = a28;
-    y[7] = a28;
-    y[8] = K(0.0);
-    y[9] = K(0.0);
-    y[10] = a28;
-    const R a34 = a17 + a25;
-    const R a35 = a34 / K(2.0);
-    y[11] = a35;
-    y[12] = a28;
-    y[13] = K(0.0);
-    y[14] = K(0.0);
-    y[15] = a28;
-    y[16] = a35;
-    y[17] = K(0.0);
-    y[18] = K(0.0);
-    y[19] = K(0.0);
-    y[20] = K(0.0);
-    y[21] = K(0.0);
-    y[22] = K(0.0);
-    y[23] = K(0.0);
-    y[24] = a28;
-    const R a50 = a25 + a17;
-    const R a51 = a50 / K(2.0);
-    y[25] = a51;
-    const R a53 = -a12;
-    y[26] = a53;
-}
-
-void road_class_change_motion(R t, const R *restrict p, R *restrict motion)
-{
-    motion[0] = p[12];
-    motion[1] = K(0.0);
-    const R a2 = p[12] * t;
-    motion[2] = a2;
-    motion[3] = K(0.0);
-}
-
-void road_class_change_switches(R t, R s, const R *restrict p, R *restrict g)
-{
-    (void)t;
-    g[0] = s;
-    const R a1 = s - p[9];
-    g[1] = a1;
-    const R a3 = p[10] + p[9];
-    const R a4 = a3 - s;
-    g[2] = a4;
-    const R a6 = p[8] - s;
-    g[3] = a6;
+    R parts[38];
+    const R *offset = parts, *delta = parts + VEHICLE + VEHICLE * GROUND;
+    road_class_change_start_parts(p, parts);
+    for (int i = 0; i < STATES; i++)
+        y[i] = profile[i] + (i < VEHICLE ? offset[i] : K(0.0));
+    for (int j = 0, k = STATES; j < STATES; j++)
+        for (int i = j; i < STATES; i++, k++)
+            y[k] = i < VEHICLE ? delta[j * VEHICLE + i] : K(0.0);
+#if 1 > 0
+    const R *map = parts + VEHICLE;
+    R P[GROUND * GROUND], cross[VEHICLE * GROUND + 1], motion[4];
+    for (int i = 0; i < GROUND * GROUND; i++)
+        P[i] = K(0.0);
+    for (int track = 0; track < (0 ? 0 : TRACKS); track++)
+        for (int b = 0; b < tracks[track].count; b++) {
+            const int copy = tracks[track].members[b], r = copies[copy].states, column = copies[copy].first;
+            R own[MOST * MOST];
+            lyapunov(r, parts + copies[copy].parts, parts + copies[copy].parts + r * r, own);
+            for (int i = 0; i < r * r; i++)
+                P[(column + i / r) * GROUND + column + i % r] = own[i];
+#if 0 > 0
+            /* what a wheel in front has met is what this one meets, and what came between them */
+            for (int a = b - 1; a >= 0; a--) {
+                const int row = copies[tracks[track].members[a]].first;
+                road_class_change_carry(r, parts + copies[copy].parts, parts[tracks[track].distances + a], r, own);
+                for (int i = 0; i < r * r; i++)
+                    P[(column + i / r) * GROUND + row + i % r] = P[(row + i % r) * GROUND + column + i / r] = own[i];
+            }
+#endif
+        }
+    multiply(VEHICLE, GROUND, GROUND, map, P, cross);
+    for (int j = 0, k = STATES; j < STATES; j++)
+        for (int i = j; i < STATES; i++, k++) {
+            if (j >= VEHICLE)
+                y[k] = P[(j - VEHICLE) * GROUND + i - VEHICLE];
+            else if (i >= VEHICLE)
+                y[k] = cross[(i - VEHICLE) * VEHICLE + j];
+            else
+                for (int m = 0; m < GROUND; m++)
+                    y[k] += cross[m * VEHICLE + i] * map[m * VEHICLE + j];
+        }
+    road_class_change_motion(K(0.0), p, motion);
+    if (ROAD_CLASS_CHANGE_DISTANCE)
+        y[ROAD_CLASS_CHANGE_MOMENTS] = motion[3];
+#endif
+#if 0 > 0
+    between(parts, map, y);
+#endif
 }

@@ -39,7 +39,12 @@ int main(void)
     road_class_change_rate((R)sample_t, y, p, other);
     check("rate", other, rate, SIZE, exact);
     road_class_change_jacobian((R)sample_t, y, p, values);
-    check("jacobian", values, jacobian, ROAD_CLASS_CHANGE_NONZEROS, exact);
+    for (int i = 0; i < SIZE; i++)
+        other[i] = (R)0;
+    for (int j = 0; j < SIZE; j++)
+        for (int k = road_class_change_jacobian_column[j]; k < road_class_change_jacobian_column[j + 1]; k++)
+            other[road_class_change_jacobian_row[k]] += values[k] * (R)size[j];
+    check("jacobian", other, jacobian, SIZE, exact);
     road_class_change_outputs((R)sample_t, y, p, mean, variance);
     check("means", mean, output_mean, ROAD_CLASS_CHANGE_OUTPUTS, exact);
     check("variances", variance, output_variance, ROAD_CLASS_CHANGE_OUTPUTS, exact);

@@ -120,7 +120,7 @@ typedef enum {
     STOP_AND_GO_TOO_MANY_STEPS, /* the explicit method on a stiff problem, or a tolerance that is too tight */
     STOP_AND_GO_STEP_TOO_SMALL, /* the moments grow without bound, or the tolerance is below rounding */
     STOP_AND_GO_NOT_FINITE,     /* a rate is not a number: check the parameters and the start */
-    STOP_AND_GO_SINGULAR,       /* a linear system has no solution: a state that drifts has no stationary moments */
+    STOP_AND_GO_SINGULAR,       /* a linear system has no solution: states, or a combination of them, drift without bound */
     STOP_AND_GO_NO_CONVERGENCE, /* no stationary moments were found from this start */
     STOP_AND_GO_NOT_SEMIDEFINITE /* what was found is not a covariance */
 } stop_and_go_status;
@@ -129,13 +129,19 @@ const char *stop_and_go_status_text(stop_and_go_status status);
 
 /* ---- Propagation ----------------------------------------------------------------------------------------- */
 
+/* A linear system with the Jacobian, decomposed. */
+typedef struct {
+    stop_and_go_real matrix[STOP_AND_GO_SIZE * STOP_AND_GO_SIZE];
+    int pivots[STOP_AND_GO_SIZE];
+} stop_and_go_factors;
+
 /* Working memory of the stiff method; of no interest otherwise. */
 typedef struct {
     stop_and_go_real values[STOP_AND_GO_NONZEROS > 0 ? STOP_AND_GO_NONZEROS : 1];
-    stop_and_go_real matrix[STOP_AND_GO_SIZE * STOP_AND_GO_SIZE];
     stop_and_go_real stages[6][STOP_AND_GO_SIZE];
     stop_and_go_real slope[STOP_AND_GO_SIZE];
-    int pivots[STOP_AND_GO_SIZE];
+    stop_and_go_real diagonal[STOP_AND_GO_SIZE];
+    stop_and_go_factors factors;
 } stop_and_go_stiff;
 
 /* A run in progress. Set up with stop_and_go_begin; the fields up to the blank line may then be changed. */
@@ -172,11 +178,10 @@ enum { STOP_AND_GO_STEP_OPERATIONS = 4 * STOP_AND_GO_RATE_OPERATIONS + 13 * STOP
 
 typedef struct {
     stop_and_go_real values[STOP_AND_GO_NONZEROS > 0 ? STOP_AND_GO_NONZEROS : 1];
-    stop_and_go_real matrix[STOP_AND_GO_SIZE * STOP_AND_GO_SIZE];
     stop_and_go_real second[STOP_AND_GO_SIZE * STOP_AND_GO_SIZE];
     stop_and_go_real third[STOP_AND_GO_SIZE * STOP_AND_GO_SIZE];
-    stop_and_go_real vectors[9][STOP_AND_GO_SIZE];
-    int pivots[STOP_AND_GO_SIZE];
+    stop_and_go_real vectors[11][STOP_AND_GO_SIZE];
+    stop_and_go_factors factors;
     int left_out[STOP_AND_GO_SIZE];
 } stop_and_go_stationary_work;
 
@@ -193,9 +198,12 @@ typedef struct {
 
 void stop_and_go_stationary_begin(stop_and_go_stationary_problem *problem, stop_and_go_real speed, stop_and_go_stationary_work *work);
 
-/* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none.
- * Wheels that follow each other are as exact as the grid between them. */
+/* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none. */
 stop_and_go_status stop_and_go_stationary(stop_and_go_stationary_problem *problem, const stop_and_go_real *p, stop_and_go_real *y);
+
+/* y at t = 0, stationary where the model starts so (`work` is needed then only; 0 else). */
+enum { STOP_AND_GO_STEADY_START = 0 };
+stop_and_go_status stop_and_go_start(const stop_and_go_real *p, stop_and_go_stationary_work *work, stop_and_go_real *y);
 
 /* The rate, its Jacobian (pattern as above) and the outputs at a speed held constant. */
 void stop_and_go_held_rate(stop_and_go_real t, stop_and_go_real s, stop_and_go_real V, const stop_and_go_real *STOP_AND_GO_RESTRICT y,
@@ -216,6 +224,9 @@ enum { STOP_AND_GO_DISTANCE = 0 };
 /* LU decomposition with pivoting, in place, of a full matrix (column by column); 0 if it is singular. */
 int stop_and_go_decompose(int n, stop_and_go_real *matrix, int *pivots);
 void stop_and_go_solve(int n, const stop_and_go_real *matrix, const int *pivots, stop_and_go_real *x);
+/* factor * Jacobian + a diagonal matrix, decomposed; 0 if it is singular. x becomes the solution for x. */
+int stop_and_go_factorise(const stop_and_go_real *values, stop_and_go_real factor, const stop_and_go_real *diagonal, stop_and_go_factors *factors);
+void stop_and_go_backsolve(const stop_and_go_factors *factors, stop_and_go_real *x);
 /* Add factor * Jacobian to a full matrix. */
 void stop_and_go_add_jacobian(const stop_and_go_real *values, stop_and_go_real factor, stop_and_go_real *matrix);
 

@@ -1,149 +1,191 @@
+/* The moments at the start: standing on stationary ground, or on ground that is smooth behind the start. */
 #include "stop_and_go_real.h"
+void stop_and_go_start_parts(const R *restrict p, R *restrict parts);
+
+enum {
+    SIZE = STOP_AND_GO_SIZE, STATES = STOP_AND_GO_STATES, VEHICLE = 4, GROUND = 2, TRACKS = 1, MOST = 4
+};
+
+static const struct { int first, states, parts; } copies[] = {{0, 2, 28}};
+static const struct { int count, distances, members[1]; } tracks[] = {
+    {1, 38, {0}}
+};
+static const R profile[STATES] = {
+    K(0.0), K(0.0), K(0.0), K(0.0), K(0.0), K(0.0)
+};
+
+#if 1 > 0
+/* P of C P + P C' + forcing = 0: r^2 equations. Matrices are column by column here. */
+static void lyapunov(int r, const R *C, const R *forcing, R *P)
+{
+    R matrix[MOST * MOST];
+    int pivots[MOST];
+    for (int i = 0; i < r * r * r * r; i++)
+        matrix[i] = K(0.0);
+    for (int j = 0; j < r; j++)
+        for (int i = 0; i < r; i++) {
+            P[j * r + i] = -forcing[j * r + i];
+            for (int k = 0; k < r; k++) {
+                matrix[(j * r + k) * r * r + j * r + i] += C[k * r + i];
+                matrix[(k * r + i) * r * r + j * r + i] += C[k * r + j];
+            }
+        }
+    stop_and_go_decompose(r * r, matrix, pivots);
+    stop_and_go_solve(r * r, matrix, pivots, P);
+    for (int j = 0; j < r; j++)
+        for (int i = 0; i < j; i++)
+            P[j * r + i] = P[i * r + j] = (P[j * r + i] + P[i * r + j]) / K(2.0);
+}
+
+static void multiply(int rows, int inner, int columns, const R *a, const R *b, R *product)
+{
+    for (int j = 0; j < columns; j++)
+        for (int i = 0; i < rows; i++) {
+            R sum = K(0.0);
+            for (int k = 0; k < inner; k++)
+                sum += a[k * rows + i] * b[j * inner + k];
+            product[j * rows + i] = sum;
+        }
+}
+#endif
+
+#if 0 > 0
+/* Values at the nodes of all elements of a gap of G' = scale C G / h, and at its end, from the inflow: one column. */
+static void collocate(const stop_and_go_gap *gap, int r, const R *C, R scale, R *tail, R *values)
+{
+    const int n = r * gap->nodes;
+    R matrix[MOST * MOST];
+    int pivots[MOST];
+    for (int i = 0; i < n * n; i++)
+        matrix[i] = K(0.0);
+    for (int j = 0; j < gap->nodes; j++)
+        for (int i = 0; i < r; i++) {
+            for (int m = 0; m < gap->nodes; m++)
+                matrix[(m * r + i) * n + j * r + i] += gap->derivative[j * (gap->nodes + 1) + m + 1];
+            for (int k = 0; k < r; k++)
+                matrix[(j * r + k) * n + j * r + i] -= scale * C[k * r + i];
+        }
+    stop_and_go_decompose(n, matrix, pivots);
+    for (int e = 0; e < gap->elements; e++, values += n) {
+        for (int j = 0; j < gap->nodes; j++)
+            for (int i = 0; i < r; i++)
+                values[j * r + i] = -gap->derivative[j * (gap->nodes + 1)] * tail[i];
+        stop_and_go_solve(n, matrix, pivots, values);
+        for (int i = 0; i < r; i++)
+            tail[i] = values[n - r + i];
+    }
+}
+
+#if !0
+/* G behind the wheels of a gap: what each filter copy has met, and what the vehicle carries of it. */
+static void behind(const stop_and_go_gap *gap, R length, const R *parts, const R *map, int copy, R *tail, R *y)
+{
+    const int r = copies[copy].states, nodes = gap->elements * gap->nodes;
+    R values[LONGEST];
+    for (int q = 0; q < gap->columns; q++) {
+        collocate(gap, r, parts + copies[copy].parts, length / (R)gap->elements, tail + q * r, values);
+        for (int j = 0; j < nodes; j++) {
+            R *G = y + gap->first + (j * gap->columns + q) * STATES;
+            for (int i = 0; i < r; i++) {
+                const int state = copies[copy].first + i;
+                G[VEHICLE + state] = values[j * r + i];
+                for (int k = 0; k < VEHICLE; k++)
+                    G[k] += map[state * VEHICLE + k] * values[j * r + i];
+            }
+        }
+    }
+}
+#endif
+
+static void between(const R *parts, const R *map, R *y)
+{
+    const stop_and_go_gap *gap = stop_and_go_gaps;
+    R tails[COPIES * WIDEST];
+    for (int i = HEAD; i < SIZE; i++)
+        y[i] = K(0.0);
+#if 0
+    const R *N = parts + LAST_PART, V = N[STATES * STATES], *entering = N + STATES * STATES + 1;
+    (void)map;
+#endif
+    for (int track = 0; track < TRACKS; track++) {
+        for (int i = 0; i < COPIES * WIDEST; i++)
+            tails[i] = K(0.0);
+        for (int k = 0; k + 1 < tracks[track].count; k++, gap++) {
+            const R length = parts[tracks[track].distances + k];
+#if 0
+            /* nothing is read before the gates open: any smooth data will do, those of steady travel do best */
+            R values[LONGEST];
+            for (int q = 0; q < gap->columns; q++) {
+                R *tail = tails + q * STATES;
+                for (int i = 0; i < STATES; i++)
+                    tail[i] += *entering++;
+                if (V > K(1e-9))
+                    collocate(gap, STATES, N, length / (R)gap->elements / V, tail, values);
+                for (int j = 0; j < gap->elements * gap->nodes; j++)
+                    for (int i = 0; i < STATES; i++)
+                        y[gap->first + (j * gap->columns + q) * STATES + i] =
+                            V > K(1e-9) ? values[j * STATES + i] : tail[i];
+            }
+#else
+            const int here = tracks[track].members[k], r = copies[here].states;
+            for (int i = 0; i < r * gap->columns; i++)
+                tails[k * WIDEST + i] = parts[copies[here].parts + 2 * r * r + i];
+            for (int c = 0; c <= k; c++)
+                behind(gap, length, parts, map, tracks[track].members[c], tails + c * WIDEST, y);
+#endif
+        }
+    }
+}
+#endif
 
 void stop_and_go_initial(const R *restrict p, R *restrict y)
 {
-    y[0] = K(0.0);
-    y[1] = K(0.0);
-    y[2] = K(0.0);
-    y[3] = K(0.0);
-    y[4] = K(0.0);
-    y[5] = K(0.0);
-    const R a6 = K(-9.864788785090996) * p[7];
-    const R a7 = a6 / K(12.65007471297709);
-    const R a8 = K(-1.414213562373095) * a7;
-    const R a9 = K(9.876202908444764) * a7;
-    const R a10 = K(-7.701666424986703) * p[7];
-    const R a11 = a9 - a10;
-    const R a12 = a11 / K(2.499532834853305);
-    const R a13 = K(5.727564927611034) * a12;
-    const R a14 = a8 - a13;
-    const R a15 = K(2.2082178034163027) * a7;
-    const R a16 = K(-1.7220137205855934) * p[7];
-    const R a17 = a15 - a16;
-    const R a18 = K(-5.310116345946687) * a12;
-    const R a19 = a17 - a18;
-    const R a20 = a19 / K(5.868986283848344);
-    const R a21 = K(5.727564927611034) * a20;
-    const R a22 = a14 - a21;
-    const R a23 = a22 / K(1.1313708498984762);
-    y[6] = a23;
-    y[7] = a23;
-    y[8] = K(0.0);
-    y[9] = K(0.0);
-    y[10] = a23;
-    const R a29 = a12 + a20;
-    const R a30 = a29 / K(2.0);
-    y[11] = a30;
-    y[12] = a23;
-    y[13] = K(0.0);
-    y[14] = K(0.0);
-    y[15] = a23;
-    y[16] = a30;
-    y[17] = K(0.0);
-    y[18] = K(0.0);
-    y[19] = K(0.0);
-    y[20] = K(0.0);
-    y[21] = K(0.0);
-    y[22] = K(0.0);
-    y[23] = K(0.0);
-    y[24] = a23;
-    const R a45 = a20 + a12;
-    const R a46 = a45 / K(2.0);
-    y[25] = a46;
-    const R a48 = -a7;
-    y[26] = a48;
-}
-
-void stop_and_go_motion(R t, const R *restrict p, R *restrict motion)
-{
-    const R a0 = (R)(t < K(3.0));
-    const R a1 = K(0.3333333333333333) * p[8];
-    const R a2 = a1 * t;
-    const R a3 = a0 != K(0.0) ? a2 : K(0.0);
-    const R a4 = (R)(a0 == K(0.0));
-    const R a5 = (R)(t < K(6.0));
-    const R a6 = a5 != K(0.0) ? p[8] : K(0.0);
-    const R a7 = (R)(a5 == K(0.0));
-    const R a8 = (R)(t < K(8.0));
-    const R a9 = K(0.5) * p[8];
-    const R a10 = K(8.0) - t;
-    const R a11 = a9 * a10;
-    const R a12 = a8 != K(0.0) ? a11 : K(0.0);
-    const R a13 = (R)(a8 == K(0.0));
-    const R a14 = (R)(t < K(10.0));
-    const R a15 = (R)(a14 == K(0.0));
-    const R a16 = K(0.3333333333333333) * p[8];
-    const R a17 = K(-10.0) + t;
-    const R a18 = a16 * a17;
-    const R a19 = a15 != K(0.0) ? a18 : K(0.0);
-    const R a20 = a13 != K(0.0) ? a19 : K(0.0);
-    const R a21 = a12 + a20;
-    const R a22 = a7 != K(0.0) ? a21 : K(0.0);
-    const R a23 = a6 + a22;
-    const R a24 = a4 != K(0.0) ? a23 : K(0.0);
-    const R a25 = a3 + a24;
-    motion[0] = a25;
-    const R a27 = (R)(t < K(3.0));
-    const R a28 = K(0.3333333333333333) * p[8];
-    const R a29 = a27 != K(0.0) ? a28 : K(0.0);
-    const R a30 = (R)(a27 == K(0.0));
-    const R a31 = (R)(t < K(6.0));
-    const R a32 = (R)(a31 == K(0.0));
-    const R a33 = (R)(t < K(8.0));
-    const R a34 = K(-0.5) * p[8];
-    const R a35 = a33 != K(0.0) ? a34 : K(0.0);
-    const R a36 = (R)(a33 == K(0.0));
-    const R a37 = (R)(t < K(10.0));
-    const R a38 = (R)(a37 == K(0.0));
-    const R a39 = a38 != K(0.0) ? a28 : K(0.0);
-    const R a40 = a36 != K(0.0) ? a39 : K(0.0);
-    const R a41 = a35 + a40;
-    const R a42 = a32 != K(0.0) ? a41 : K(0.0);
-    const R a43 = a30 != K(0.0) ? a42 : K(0.0);
-    const R a44 = a29 + a43;
-    motion[1] = a44;
-    const R a46 = K(-1.3333333333333333) * p[8];
-    const R a47 = M(fmax)(K(3.0), t);
-    const R a48 = M(fmin)(K(6.0), a47);
-    const R a49 = p[8] * a48;
-    const R a50 = a46 + a49;
-    const R a51 = K(4.0) * p[8];
-    const R a52 = M(fmax)(K(6.0), t);
-    const R a53 = M(fmin)(K(8.0), a52);
-    const R a54 = a51 * a53;
-    const R a55 = a50 + a54;
-    const R a56 = K(-3.3333333333333335) * p[8];
-    const R a57 = M(fmax)(K(10.0), t);
-    const R a58 = a56 * a57;
-    const R a59 = a55 + a58;
-    const R a60 = K(-0.25) * p[8];
-    const R a61 = a53 * a53;
-    const R a62 = a60 * a61;
-    const R a63 = a59 + a62;
-    const R a64 = K(0.16666666666666666) * p[8];
-    const R a65 = a57 * a57;
-    const R a66 = a64 * a65;
-    const R a67 = a63 + a66;
-    const R a68 = K(0.16666666666666666) * p[8];
-    const R a69 = M(fmax)(K(0.0), t);
-    const R a70 = M(fmin)(K(3.0), a69);
-    const R a71 = a70 * a70;
-    const R a72 = a68 * a71;
-    const R a73 = a67 + a72;
-    motion[2] = a73;
-    motion[3] = K(0.0);
-}
-
-void stop_and_go_switches(R t, R s, const R *restrict p, R *restrict g)
-{
-    (void)s;
-    (void)p;
-    const R a0 = K(-3.0) + t;
-    g[0] = a0;
-    const R a2 = K(-6.0) + t;
-    g[1] = a2;
-    const R a4 = K(-8.0) + t;
-    g[2] = a4;
-    const R a6 = K(-10.0) + t;
-    g[3] = a6;
+    R parts[38];
+    const R *offset = parts, *delta = parts + VEHICLE + VEHICLE * GROUND;
+    stop_and_go_start_parts(p, parts);
+    for (int i = 0; i < STATES; i++)
+        y[i] = profile[i] + (i < VEHICLE ? offset[i] : K(0.0));
+    for (int j = 0, k = STATES; j < STATES; j++)
+        for (int i = j; i < STATES; i++, k++)
+            y[k] = i < VEHICLE ? delta[j * VEHICLE + i] : K(0.0);
+#if 1 > 0
+    const R *map = parts + VEHICLE;
+    R P[GROUND * GROUND], cross[VEHICLE * GROUND + 1], motion[4];
+    for (int i = 0; i < GROUND * GROUND; i++)
+        P[i] = K(0.0);
+    for (int track = 0; track < (0 ? 0 : TRACKS); track++)
+        for (int b = 0; b < tracks[track].count; b++) {
+            const int copy = tracks[track].members[b], r = copies[copy].states, column = copies[copy].first;
+            R own[MOST * MOST];
+            lyapunov(r, parts + copies[copy].parts, parts + copies[copy].parts + r * r, own);
+            for (int i = 0; i < r * r; i++)
+                P[(column + i / r) * GROUND + column + i % r] = own[i];
+#if 0 > 0
+            /* what a wheel in front has met is what this one meets, and what came between them */
+            for (int a = b - 1; a >= 0; a--) {
+                const int row = copies[tracks[track].members[a]].first;
+                stop_and_go_carry(r, parts + copies[copy].parts, parts[tracks[track].distances + a], r, own);
+                for (int i = 0; i < r * r; i++)
+                    P[(column + i / r) * GROUND + row + i % r] = P[(row + i % r) * GROUND + column + i / r] = own[i];
+            }
+#endif
+        }
+    multiply(VEHICLE, GROUND, GROUND, map, P, cross);
+    for (int j = 0, k = STATES; j < STATES; j++)
+        for (int i = j; i < STATES; i++, k++) {
+            if (j >= VEHICLE)
+                y[k] = P[(j - VEHICLE) * GROUND + i - VEHICLE];
+            else if (i >= VEHICLE)
+                y[k] = cross[(i - VEHICLE) * VEHICLE + j];
+            else
+                for (int m = 0; m < GROUND; m++)
+                    y[k] += cross[m * VEHICLE + i] * map[m * VEHICLE + j];
+        }
+    stop_and_go_motion(K(0.0), p, motion);
+    if (STOP_AND_GO_DISTANCE)
+        y[STOP_AND_GO_MOMENTS] = motion[3];
+#endif
+#if 0 > 0
+    between(parts, map, y);
+#endif
 }

@@ -39,7 +39,12 @@ int main(void)
     stop_and_go_rate((R)sample_t, y, p, other);
     check("rate", other, rate, SIZE, exact);
     stop_and_go_jacobian((R)sample_t, y, p, values);
-    check("jacobian", values, jacobian, STOP_AND_GO_NONZEROS, exact);
+    for (int i = 0; i < SIZE; i++)
+        other[i] = (R)0;
+    for (int j = 0; j < SIZE; j++)
+        for (int k = stop_and_go_jacobian_column[j]; k < stop_and_go_jacobian_column[j + 1]; k++)
+            other[stop_and_go_jacobian_row[k]] += values[k] * (R)size[j];
+    check("jacobian", other, jacobian, SIZE, exact);
     stop_and_go_outputs((R)sample_t, y, p, mean, variance);
     check("means", mean, output_mean, STOP_AND_GO_OUTPUTS, exact);
     check("variances", variance, output_variance, STOP_AND_GO_OUTPUTS, exact);

@@ -39,7 +39,12 @@ int main(void)
     van_der_pol_rate((R)sample_t, y, p, other);
     check("rate", other, rate, SIZE, exact);
     van_der_pol_jacobian((R)sample_t, y, p, values);
-    check("jacobian", values, jacobian, VAN_DER_POL_NONZEROS, exact);
+    for (int i = 0; i < SIZE; i++)
+        other[i] = (R)0;
+    for (int j = 0; j < SIZE; j++)
+        for (int k = van_der_pol_jacobian_column[j]; k < van_der_pol_jacobian_column[j + 1]; k++)
+            other[van_der_pol_jacobian_row[k]] += values[k] * (R)size[j];
+    check("jacobian", other, jacobian, SIZE, exact);
     van_der_pol_outputs((R)sample_t, y, p, mean, variance);
     check("means", mean, output_mean, VAN_DER_POL_OUTPUTS, exact);
     check("variances", variance, output_variance, VAN_DER_POL_OUTPUTS, exact);

@@ -106,7 +106,7 @@ typedef enum {
     VAN_DER_POL_TOO_MANY_STEPS, /* the explicit method on a stiff problem, or a tolerance that is too tight */
     VAN_DER_POL_STEP_TOO_SMALL, /* the moments grow without bound, or the tolerance is below rounding */
     VAN_DER_POL_NOT_FINITE,     /* a rate is not a number: check the parameters and the start */
-    VAN_DER_POL_SINGULAR,       /* a linear system has no solution: a state that drifts has no stationary moments */
+    VAN_DER_POL_SINGULAR,       /* a linear system has no solution: states, or a combination of them, drift without bound */
     VAN_DER_POL_NO_CONVERGENCE, /* no stationary moments were found from this start */
     VAN_DER_POL_NOT_SEMIDEFINITE /* what was found is not a covariance */
 } van_der_pol_status;
@@ -115,13 +115,19 @@ const char *van_der_pol_status_text(van_der_pol_status status);
 
 /* ---- Propagation ----------------------------------------------------------------------------------------- */
 
+/* A linear system with the Jacobian, decomposed. */
+typedef struct {
+    van_der_pol_real matrix[VAN_DER_POL_SIZE * VAN_DER_POL_SIZE];
+    int pivots[VAN_DER_POL_SIZE];
+} van_der_pol_factors;
+
 /* Working memory of the stiff method; of no interest otherwise. */
 typedef struct {
     van_der_pol_real values[VAN_DER_POL_NONZEROS > 0 ? VAN_DER_POL_NONZEROS : 1];
-    van_der_pol_real matrix[VAN_DER_POL_SIZE * VAN_DER_POL_SIZE];
     van_der_pol_real stages[6][VAN_DER_POL_SIZE];
     van_der_pol_real slope[VAN_DER_POL_SIZE];
-    int pivots[VAN_DER_POL_SIZE];
+    van_der_pol_real diagonal[VAN_DER_POL_SIZE];
+    van_der_pol_factors factors;
 } van_der_pol_stiff;
 
 /* A run in progress. Set up with van_der_pol_begin; the fields up to the blank line may then be changed. */
@@ -158,11 +164,10 @@ enum { VAN_DER_POL_STEP_OPERATIONS = 4 * VAN_DER_POL_RATE_OPERATIONS + 13 * VAN_
 
 typedef struct {
     van_der_pol_real values[VAN_DER_POL_NONZEROS > 0 ? VAN_DER_POL_NONZEROS : 1];
-    van_der_pol_real matrix[VAN_DER_POL_SIZE * VAN_DER_POL_SIZE];
     van_der_pol_real second[VAN_DER_POL_SIZE * VAN_DER_POL_SIZE];
     van_der_pol_real third[VAN_DER_POL_SIZE * VAN_DER_POL_SIZE];
-    van_der_pol_real vectors[9][VAN_DER_POL_SIZE];
-    int pivots[VAN_DER_POL_SIZE];
+    van_der_pol_real vectors[11][VAN_DER_POL_SIZE];
+    van_der_pol_factors factors;
     int left_out[VAN_DER_POL_SIZE];
 } van_der_pol_stationary_work;
 
@@ -179,9 +184,12 @@ typedef struct {
 
 void van_der_pol_stationary_begin(van_der_pol_stationary_problem *problem, van_der_pol_real speed, van_der_pol_stationary_work *work);
 
-/* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none.
- * Wheels that follow each other are as exact as the grid between them. */
+/* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none. */
 van_der_pol_status van_der_pol_stationary(van_der_pol_stationary_problem *problem, const van_der_pol_real *p, van_der_pol_real *y);
+
+/* y at t = 0, stationary where the model starts so (`work` is needed then only; 0 else). */
+enum { VAN_DER_POL_STEADY_START = 0 };
+van_der_pol_status van_der_pol_start(const van_der_pol_real *p, van_der_pol_stationary_work *work, van_der_pol_real *y);
 
 /* The rate, its Jacobian (pattern as above) and the outputs at a speed held constant. */
 void van_der_pol_held_rate(van_der_pol_real t, van_der_pol_real s, van_der_pol_real V, const van_der_pol_real *VAN_DER_POL_RESTRICT y,
@@ -202,6 +210,9 @@ enum { VAN_DER_POL_DISTANCE = 0 };
 /* LU decomposition with pivoting, in place, of a full matrix (column by column); 0 if it is singular. */
 int van_der_pol_decompose(int n, van_der_pol_real *matrix, int *pivots);
 void van_der_pol_solve(int n, const van_der_pol_real *matrix, const int *pivots, van_der_pol_real *x);
+/* factor * Jacobian + a diagonal matrix, decomposed; 0 if it is singular. x becomes the solution for x. */
+int van_der_pol_factorise(const van_der_pol_real *values, van_der_pol_real factor, const van_der_pol_real *diagonal, van_der_pol_factors *factors);
+void van_der_pol_backsolve(const van_der_pol_factors *factors, van_der_pol_real *x);
 /* Add factor * Jacobian to a full matrix. */
 void van_der_pol_add_jacobian(const van_der_pol_real *values, van_der_pol_real factor, van_der_pol_real *matrix);
 

@@ -96,7 +96,7 @@ typedef enum {
     @P@_TOO_MANY_STEPS, /* the explicit method on a stiff problem, or a tolerance that is too tight */
     @P@_STEP_TOO_SMALL, /* the moments grow without bound, or the tolerance is below rounding */
     @P@_NOT_FINITE,     /* a rate is not a number: check the parameters and the start */
-    @P@_SINGULAR,       /* a linear system has no solution: a state that drifts has no stationary moments */
+    @P@_SINGULAR,       /* a linear system has no solution: states, or a combination of them, drift without bound */
     @P@_NO_CONVERGENCE, /* no stationary moments were found from this start */
     @P@_NOT_SEMIDEFINITE /* what was found is not a covariance */
 } @p@_status;
@@ -105,13 +105,18 @@ const char *@p@_status_text(@p@_status status);
 
 /* ---- Propagation ----------------------------------------------------------------------------------------- */
 
+/* A linear system with the Jacobian, decomposed. */
+typedef struct {
+@factors@
+} @p@_factors;
+
 /* Working memory of the stiff method; of no interest otherwise. */
 typedef struct {
     @p@_real values[@P@_NONZEROS > 0 ? @P@_NONZEROS : 1];
-    @p@_real matrix[@P@_SIZE * @P@_SIZE];
     @p@_real stages[6][@P@_SIZE];
     @p@_real slope[@P@_SIZE];
-    int pivots[@P@_SIZE];
+    @p@_real diagonal[@P@_SIZE];
+    @p@_factors factors;
 } @p@_stiff;
 
 /* A run in progress. Set up with @p@_begin; the fields up to the blank line may then be changed. */
@@ -148,11 +153,10 @@ enum { @P@_STEP_OPERATIONS = 4 * @P@_RATE_OPERATIONS + 13 * @P@_SIZE + 4 };
 
 typedef struct {
     @p@_real values[@P@_NONZEROS > 0 ? @P@_NONZEROS : 1];
-    @p@_real matrix[@P@_SIZE * @P@_SIZE];
-    @p@_real second[@P@_SIZE * @P@_SIZE];
-    @p@_real third[@P@_SIZE * @P@_SIZE];
-    @p@_real vectors[9][@P@_SIZE];
-    int pivots[@P@_SIZE];
+    @p@_real second[@squares@];
+    @p@_real third[@squares@];
+    @p@_real vectors[11][@P@_SIZE];
+    @p@_factors factors;
     int left_out[@P@_SIZE];
 } @p@_stationary_work;
 
@@ -169,9 +173,12 @@ typedef struct {
 
 void @p@_stationary_begin(@p@_stationary_problem *problem, @p@_real speed, @p@_stationary_work *work);
 
-/* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none.
- * Wheels that follow each other are as exact as the grid between them. */
+/* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none. */
 @p@_status @p@_stationary(@p@_stationary_problem *problem, const @p@_real *p, @p@_real *y);
+
+/* y at t = 0, stationary where the model starts so (`work` is needed then only; 0 else). */
+enum { @P@_STEADY_START = @steady@ };
+@p@_status @p@_start(const @p@_real *p, @p@_stationary_work *work, @p@_real *y);
 
 /* The rate, its Jacobian (pattern as above) and the outputs at a speed held constant. */
 void @p@_held_rate(@p@_real t, @p@_real s, @p@_real V, const @p@_real *@P@_RESTRICT y,
@@ -192,6 +199,9 @@ enum { @P@_DISTANCE = @distance@ };
 /* LU decomposition with pivoting, in place, of a full matrix (column by column); 0 if it is singular. */
 int @p@_decompose(int n, @p@_real *matrix, int *pivots);
 void @p@_solve(int n, const @p@_real *matrix, const int *pivots, @p@_real *x);
+/* factor * Jacobian + a diagonal matrix, decomposed; 0 if it is singular. x becomes the solution for x. */
+int @p@_factorise(const @p@_real *values, @p@_real factor, const @p@_real *diagonal, @p@_factors *factors);
+void @p@_backsolve(const @p@_factors *factors, @p@_real *x);
 /* Add factor * Jacobian to a full matrix. */
 void @p@_add_jacobian(const @p@_real *values, @p@_real factor, @p@_real *matrix);
 

@@ -39,7 +39,12 @@ int main(void)
     @p@_rate((R)sample_t, y, p, other);
     check("rate", other, rate, SIZE, exact);
     @p@_jacobian((R)sample_t, y, p, values);
-    check("jacobian", values, jacobian, @P@_NONZEROS, exact);
+    for (int i = 0; i < SIZE; i++)
+        other[i] = (R)0;
+    for (int j = 0; j < SIZE; j++)
+        for (int k = @p@_jacobian_column[j]; k < @p@_jacobian_column[j + 1]; k++)
+            other[@p@_jacobian_row[k]] += values[k] * (R)size[j];
+    check("jacobian", other, jacobian, SIZE, exact);
     @p@_outputs((R)sample_t, y, p, mean, variance);
     check("means", mean, output_mean, @P@_OUTPUTS, exact);
     check("variances", variance, output_variance, @P@_OUTPUTS, exact);

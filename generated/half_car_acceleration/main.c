@@ -1,0 +1,177 @@
+/* Print the moments of a run, or the stationary moments, as CSV. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include "half_car_acceleration.h"
+
+typedef half_car_acceleration_real R;
+enum { OUTPUTS = HALF_CAR_ACCELERATION_OUTPUTS > 0 ? HALF_CAR_ACCELERATION_OUTPUTS : 1, PARAMETERS = HALF_CAR_ACCELERATION_PARAMETERS > 0 ? HALF_CAR_ACCELERATION_PARAMETERS : 1, ROOM = 1024 };
+
+static half_car_acceleration_run run;
+static half_car_acceleration_stiff stiff;
+static half_car_acceleration_stationary_work work;
+static R parameters[PARAMETERS], breakpoints[ROOM];
+
+static const char usage[] =
+    "usage: half_car_acceleration [--duration T] [--points N] [--rtol R] [--stiff | --fixed STEPS] [--set NAME=VALUE]...\n"
+    "       half_car_acceleration --stationary SPEED [--set NAME=VALUE]...\n"
+    "       half_car_acceleration --cost\n";
+
+static int fail(const char *text)
+{
+    fprintf(stderr, "half_car_acceleration: %s\n%s", text, usage);
+    return 2;
+}
+
+static void print_names(void)
+{
+    printf("t");
+    for (int i = 0; i < HALF_CAR_ACCELERATION_STATES; i++)
+        printf(",mean %s", half_car_acceleration_state_names[i]);
+    for (int i = 0; i < HALF_CAR_ACCELERATION_OUTPUTS; i++)
+        printf(",mean %s", half_car_acceleration_output_names[i]);
+    for (int i = 0; i < HALF_CAR_ACCELERATION_STATES; i++)
+        for (int j = i; j < HALF_CAR_ACCELERATION_STATES; j++)
+            if (i == j)
+                printf(",variance %s", half_car_acceleration_state_names[i]);
+            else
+                printf(",covariance %s %s", half_car_acceleration_state_names[i], half_car_acceleration_state_names[j]);
+    for (int i = 0; i < HALF_CAR_ACCELERATION_OUTPUTS; i++)
+        printf(",variance %s", half_car_acceleration_output_names[i]);
+    printf("\n");
+}
+
+static void print_row(R t, const R *y, const R *mean, const R *variance)
+{
+    printf("%.17g", (double)t);
+    for (int i = 0; i < HALF_CAR_ACCELERATION_STATES; i++)
+        printf(",%.17g", (double)y[i]);
+    for (int i = 0; i < HALF_CAR_ACCELERATION_OUTPUTS; i++)
+        printf(",%.17g", (double)mean[i]);
+    for (int i = HALF_CAR_ACCELERATION_STATES; i < HALF_CAR_ACCELERATION_MOMENTS; i++)
+        printf(",%.17g", (double)y[i]);
+    for (int i = 0; i < HALF_CAR_ACCELERATION_OUTPUTS; i++)
+        printf(",%.17g", (double)variance[i]);
+    printf("\n");
+}
+
+static int set(const char *text)
+{
+    const char *equals = strchr(text, '=');
+    if (!equals)
+        return 0;
+    for (int i = 0; i < HALF_CAR_ACCELERATION_PARAMETERS; i++)
+        if (strlen(half_car_acceleration_parameter_names[i]) == (size_t)(equals - text)
+            && !strncmp(half_car_acceleration_parameter_names[i], text, (size_t)(equals - text))) {
+            parameters[i] = (R)atof(equals + 1);
+            return 1;
+        }
+    return 0;
+}
+
+static int stationary(R speed)
+{
+    static R y[HALF_CAR_ACCELERATION_SIZE];
+    R mean[OUTPUTS], variance[OUTPUTS];
+    half_car_acceleration_stationary_problem problem;
+    half_car_acceleration_stationary_begin(&problem, speed, &work);
+    const half_car_acceleration_status status = half_car_acceleration_stationary(&problem, parameters, y);
+    if (status != HALF_CAR_ACCELERATION_OK) {
+        fprintf(stderr, "half_car_acceleration: %s\n", half_car_acceleration_status_text(status));
+        return 1;
+    }
+    half_car_acceleration_held_outputs(problem.t, problem.s, speed, y, parameters, mean, variance);
+    print_names();
+    print_row(problem.t, y, mean, variance);
+    fprintf(stderr, "%s, residual %.1e, %d steps\n", problem.stable ? "stable" : "unstable", (double)problem.residual,
+            problem.steps);
+    return 0;
+}
+
+static int fixed(R duration, long steps, int points)
+{
+    static R y[HALF_CAR_ACCELERATION_SIZE], scratch[5 * HALF_CAR_ACCELERATION_SIZE];
+    R mean[OUTPUTS], variance[OUTPUTS];
+    const R step = duration / (R)steps;
+    const long every = points > 1 && steps > points - 1 ? steps / (points - 1) : 1;
+    half_car_acceleration_initial(parameters, y);
+    print_names();
+    for (long k = 0; k <= steps; k++) {
+        if (k % every == 0) {
+            half_car_acceleration_outputs(step * (R)k, y, parameters, mean, variance);
+            print_row(step * (R)k, y, mean, variance);
+        }
+        if (k < steps)
+            half_car_acceleration_fixed_step(step * (R)k, step, y, parameters, scratch);
+    }
+    return 0;
+}
+
+static int propagate(R duration, int points, R rtol, int is_stiff)
+{
+    static R y[HALF_CAR_ACCELERATION_SIZE];
+    R mean[OUTPUTS], variance[OUTPUTS];
+    half_car_acceleration_initial(parameters, y);
+    half_car_acceleration_begin(&run, (R)0, y);
+    run.rtol = rtol;
+    run.stiff = is_stiff ? &stiff : 0;
+    run.breakpoints = breakpoints;
+    run.breakpoint_count = half_car_acceleration_breakpoints(parameters, duration, breakpoints, ROOM);
+    if (run.breakpoint_count > ROOM)
+        return fail("the run has more breakpoints than there is room for");
+    print_names();
+    for (int k = 0; k < points; k++) {
+        const R t = points > 1 ? duration * (R)k / (R)(points - 1) : duration;
+        const half_car_acceleration_status status = half_car_acceleration_propagate(&run, parameters, t);
+        if (status != HALF_CAR_ACCELERATION_OK) {
+            fprintf(stderr, "half_car_acceleration: at t = %g: %s\n", (double)run.t, half_car_acceleration_status_text(status));
+            return 1;
+        }
+        half_car_acceleration_outputs(t, run.y, parameters, mean, variance);
+        print_row(t, run.y, mean, variance);
+    }
+    fprintf(stderr, "%ld steps, %ld refused, %ld rates\n", run.steps, run.refused, run.rates);
+    return 0;
+}
+
+int main(int count, char **words)
+{
+    R duration = half_car_acceleration_duration, rtol = (R)(sizeof(R) > 4 ? 1e-8 : 1e-4);
+    int points = half_car_acceleration_points, is_stiff = 0;
+    long steps = 0;
+    const char *speed = 0;
+    for (int i = 0; i < HALF_CAR_ACCELERATION_PARAMETERS; i++)
+        parameters[i] = half_car_acceleration_default_parameters[i];
+    for (int k = 1; k < count; k++) {
+        if (!strcmp(words[k], "--stiff")) {
+            is_stiff = 1;
+            continue;
+        }
+        if (!strcmp(words[k], "--cost")) {
+            printf("rate %d, outputs %d, fixed step %d operations\n", (int)HALF_CAR_ACCELERATION_RATE_OPERATIONS,
+                   (int)HALF_CAR_ACCELERATION_OUTPUT_OPERATIONS, (int)HALF_CAR_ACCELERATION_STEP_OPERATIONS);
+            return 0;
+        }
+        if (k + 1 >= count)
+            return fail("wrong arguments");
+        const char *value = words[k + 1];
+        if (!strcmp(words[k], "--duration"))
+            duration = (R)atof(value);
+        else if (!strcmp(words[k], "--points"))
+            points = atoi(value);
+        else if (!strcmp(words[k], "--rtol"))
+            rtol = (R)atof(value);
+        else if (!strcmp(words[k], "--fixed"))
+            steps = atol(value);
+        else if (!strcmp(words[k], "--stationary"))
+            speed = value;
+        else if (strcmp(words[k], "--set") || !set(value))
+            return fail("wrong arguments");
+        k++;
+    }
+    if (!(duration >= (R)0) || points < 1 || !(rtol > (R)0) || steps < 0)
+        return fail("wrong arguments");
+    if (speed)
+        return stationary((R)atof(speed));
+    return steps > 0 ? fixed(duration, steps, points) : propagate(duration, points, rtol, is_stiff);
+}

@@ -1,0 +1,75 @@
+/* Compare the library with what cadet-sym computed when it was written (reference.h), and with itself. */
+#include <math.h>
+#include <stdio.h>
+#include "half_car_acceleration.h"
+#include "reference.h"
+
+typedef half_car_acceleration_real R;
+enum { SIZE = HALF_CAR_ACCELERATION_SIZE, OUTPUTS = HALF_CAR_ACCELERATION_OUTPUTS > 0 ? HALF_CAR_ACCELERATION_OUTPUTS : 1, ROOM = 1024 };
+
+static int failures;
+static const double exact = sizeof(R) > 4 ? 1e-10 : 1e-3; /* against numbers of 12 digits, or in single precision */
+
+/* The largest difference over the largest value. */
+static void check(const char *what, const R *found, const double *expected, int count, double tolerance)
+{
+    double largest = 0.0, wrong = 0.0;
+    for (int i = 0; i < count; i++) {
+        largest = fmax(largest, fabs(expected[i]));
+        wrong = fmax(wrong, found[i] == found[i] ? fabs((double)found[i] - expected[i]) : HUGE_VAL);
+    }
+    const int good = wrong <= tolerance * largest || !(wrong > 0.0);
+    printf("%-12s %s (%.1e of %.1e)\n", what, good ? "agrees" : "DIFFERS", wrong, largest);
+    failures += !good;
+}
+
+int main(void)
+{
+    static R y[SIZE], other[SIZE], values[HALF_CAR_ACCELERATION_NONZEROS > 0 ? HALF_CAR_ACCELERATION_NONZEROS : 1], breakpoints[ROOM];
+    static half_car_acceleration_run run;
+    static half_car_acceleration_stiff stiff;
+    R mean[OUTPUTS], variance[OUTPUTS];
+    const R *p = half_car_acceleration_default_parameters;
+    const R end = (R)run_end;
+
+    half_car_acceleration_initial(p, y);
+    check("initial", y, initial, SIZE, exact);
+    for (int i = 0; i < SIZE; i++)
+        y[i] = (R)sample_y[i];
+    half_car_acceleration_rate((R)sample_t, y, p, other);
+    check("rate", other, rate, SIZE, exact);
+    half_car_acceleration_jacobian((R)sample_t, y, p, values);
+    for (int i = 0; i < SIZE; i++)
+        other[i] = (R)0;
+    for (int j = 0; j < SIZE; j++)
+        for (int k = half_car_acceleration_jacobian_column[j]; k < half_car_acceleration_jacobian_column[j + 1]; k++)
+            other[half_car_acceleration_jacobian_row[k]] += values[k] * (R)size[j];
+    check("jacobian", other, jacobian, SIZE, exact);
+    half_car_acceleration_outputs((R)sample_t, y, p, mean, variance);
+    check("means", mean, output_mean, HALF_CAR_ACCELERATION_OUTPUTS, exact);
+    check("variances", variance, output_variance, HALF_CAR_ACCELERATION_OUTPUTS, exact);
+
+    const int count = half_car_acceleration_breakpoints(p, half_car_acceleration_duration, breakpoints, ROOM);
+    failures += count != breakpoint_count;
+    printf("%-12s %s (%d)\n", "breakpoints", count == breakpoint_count ? "agree" : "DIFFER", count);
+    for (int method = 0; method < (SIZE > 120 ? 1 : 2); method++) { /* full matrices take long for large models */
+        half_car_acceleration_initial(p, y);
+        half_car_acceleration_begin(&run, (R)0, y);
+        run.rtol = (R)(sizeof(R) < 8 ? 1e-5 : 1e-7);
+        run.stiff = method ? &stiff : 0;
+        run.breakpoints = breakpoints;
+        run.breakpoint_count = count < ROOM ? count : ROOM;
+        const half_car_acceleration_status status = half_car_acceleration_propagate(&run, p, end);
+        if (status != HALF_CAR_ACCELERATION_OK)
+            printf("%s at t = %g\n", half_car_acceleration_status_text(status), (double)run.t);
+        failures += status != HALF_CAR_ACCELERATION_OK;
+        double wrong = 0.0;
+        for (int i = 0; i < SIZE; i++)
+            wrong = fmax(wrong, fabs((double)run.y[i] - final[i]) / size[i]);
+        const int good = wrong <= (sizeof(R) < 8 ? 1e-2 : 1e-4);
+        printf("%-12s %s (%.1e)\n", method ? "run, stiff" : "run", good ? "agrees" : "DIFFERS", wrong);
+        failures += !good;
+    }
+    printf(failures ? "%d failures\n" : "all well\n", failures);
+    return failures != 0;
+}
