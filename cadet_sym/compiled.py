@@ -5,11 +5,10 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
-import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
@@ -21,7 +20,6 @@ from cadet_sym.packing import Packing
 from cadet_sym.results import MomentHistory, Provenance, StationaryMoments, StationarySolutions
 from cadet_sym.solve.breakpoints import find_breakpoints
 from cadet_sym.solve.evaluate import over_time
-from cadet_sym.solve.scales import peaks
 from cadet_sym.solve.start import profile_mean
 from cadet_sym.solve.transient import Start, Trajectory, check_times, integrate
 from cadet_sym.solve.wheels import present_error
@@ -216,22 +214,24 @@ class CompiledModel:
         self,
         name: str | tuple[str, str],
         parameters: Sequence[str] | None = None,
-        times: Sequence[float] | None = None,
+        times: npt.ArrayLike | None = None,
         *,
+        initial: Sequence[str | tuple[str, str]] = (),
         moment: str = "variance",
         method: str = "auto",
         values: Mapping[str, float] | None = None,
     ) -> Array:
-        """Derivatives (k, c) of a mean or variance at the times with respect to parameters.
+        """Derivatives (k, c) of a mean or variance at the times, with respect to parameters and to the start.
 
         Parameters
         ----------
         name : a state, an output, or a pair of states (their covariance).
-        parameters : names; by default all that have a number of their own.
+        parameters : names, those of elements among them; by default all that have a number of their own.
         times : increasing; by default the end of the run.
+        initial : states, whose mean at the start, and pairs of states, whose covariance at the start adds a column each.
         moment : "variance" or "mean".
         method : "forward" integrates a column a parameter with the moments, "adjoint" one run backwards a time; "auto"
-            takes the adjoint for more parameters than the run has times and 20. Where the adjoint gives up, forward.
+            takes the adjoint for many more parameters than times, and forward where the adjoint gives up.
         values : parameters in place of the declared ones.
 
         Raises
@@ -239,9 +239,10 @@ class CompiledModel:
         ModelError
             Unknown names.
         SolverError
-            If the derivatives break down.
+            If the derivatives break down, or do not exist.
         """
-        from cadet_sym.solve.sensitivity import check_method, forward, quantity
+        from cadet_sym.solve.gradient import Gradient, start_entry
+        from cadet_sym.solve.sensitivity import check_method, quantity
 
         check_method(method)
         names = self.parameters if parameters is None else tuple(parameters)
@@ -249,52 +250,15 @@ class CompiledModel:
             if each not in self.parameters:
                 known = ", ".join(self.parameters) or "none"
                 raise ModelError(f"`{each}` is not a parameter with a number of its own; those are: {known}.")
-        columns = [self.parameters.index(each) for each in names]
+        entries = [start_entry(self.functions, each) for each in initial]
+        for each, entry in zip(initial, entries, strict=True):
+            if entry < 0:
+                raise ModelError(f"`{each}` is not a state or a pair of states; those are: {', '.join(self.states)}.")
         grid = check_times([self.declaration.duration] if times is None else times)
-        start = self._start(self.parameter_vector(values), float(grid[-1]))
+        find = Gradient(self.functions, partial(self._start, duration=float(grid[-1])))
+        columns = [self.parameters.index(each) for each in names]
         wanted = quantity(self.functions, name, moment)
-        rough = integrate(self.functions, start, np.linspace(0, grid[-1], 33) if grid[-1] > 0 else grid, rtol=1e-4)
-        size = peaks(rough.y, self.packing)
-        slope = self._start_slope(start.p)
-        if method == "adjoint" or (method == "auto" and len(columns) > 20 + len(grid)):
-            try:
-                return self._adjoint_gradient(wanted, start, grid, size, slope)[:, columns]
-            except SolverError:
-                if method == "adjoint":
-                    raise
-        y, S = forward(self.functions, start, slope[:, columns], columns, size, grid)
-        rows = []
-        for t, moments, part in zip(grid, y, S, strict=True):
-            _, in_y, in_p = (np.asarray(each) for each in wanted(t, moments, start.p))
-            rows.append(in_y[0] @ part + in_p[0, columns])
-        return np.array(rows)
-
-    def _adjoint_gradient(self, wanted: ca.Function, start: Start, grid: Array, size: Array, slope: Array) -> Array:
-        from cadet_sym.solve.sensitivity import adjoint
-
-        y = integrate(self.functions, start, grid, rtol=1e-9).y
-        rows = []
-        for t, moments in zip(grid, y, strict=True):
-            _, in_y, in_p = (np.asarray(each) for each in wanted(t, moments, start.p))
-            in_start, at_start = (in_p[0], in_y[0])
-            if t > 0:
-                direct, at_start = adjoint(self.functions, start, size, float(t), in_y[0])
-                in_start = in_p[0] + direct
-            rows.append(in_start + at_start @ slope)
-        return np.array(rows)
-
-    def _start_slope(self, p: Array) -> Array:
-        """Derivative (size, parameters) of the start: central differences where a stationary state is solved for."""
-        here = self.initial(dict(zip(self.parameters, p.tolist(), strict=True)))
-        if np.allclose(np.asarray(self.functions.initial(p)).ravel(), here, rtol=1e-12, atol=0):
-            q = ca.MX.sym("q", len(p))
-            return np.asarray(ca.Function("slope", [q], [ca.jacobian(self.functions.initial(q), q)])(p))
-        columns = []
-        for j, step in enumerate(1e-5 * np.maximum(np.abs(p), 1e-3)):
-            move = step * np.eye(len(p))[j]
-            ends = [self.initial(dict(zip(self.parameters, q.tolist(), strict=True))) for q in (p + move, p - move)]
-            columns.append((ends[0] - ends[1]) / (2 * step))
-        return np.array(columns).T.reshape(len(here), len(p))
+        return find(wanted, self.parameter_vector(values), columns, entries, grid, method)
 
     def _start(self, p: Array, duration: float) -> Start:
         """Moments at the start and known breakpoints, remembered for the parameters last used."""
@@ -488,6 +452,7 @@ class CompiledModel:
             output_mean=output_mean,
             output_variance=output_variance,
             provenance=self.provenance(trajectory.engine, trajectory.rtol, {**trajectory.statistics, **more}, p),
+            derivatives=self.gradient,
         )
 
 

@@ -6,18 +6,20 @@ Arrays are read-only; a value that does not exist is NaN here and ``null`` in JS
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cadet_sym.errors import ModelError
 from cadet_sym.files import save_as
 from cadet_sym.labelled import Labelled, LabelledCovariance
 from cadet_sym.tables import aligned, html, plain
 
 if TYPE_CHECKING:
+    import numpy.typing as npt
     import xarray as xr
 
 __all__ = [
@@ -126,10 +128,48 @@ class MomentHistory(NamedMoments):
     output_mean: np.ndarray  # (k, m)
     output_variance: np.ndarray  # (k, m)
     provenance: Provenance
+    derivatives: Callable[..., np.ndarray] | None = field(default=None, repr=False)  # of the model it came from
 
     def __post_init__(self) -> None:
         freeze(self, "time", (len(self.time),))
         self.seal(len(self.time))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The numbers alone: a history that is sent to another process leaves its model behind."""
+        return {**self.__dict__, "derivatives": None}
+
+    def gradient(
+        self,
+        name: str | tuple[str, str],
+        parameters: Sequence[str] | None = None,
+        times: npt.ArrayLike | None = None,
+        *,
+        initial: Sequence[str | tuple[str, str]] = (),
+        moment: str = "variance",
+        method: str = "auto",
+    ) -> np.ndarray:
+        """Derivatives (k, c) of a mean or variance at the history's times, or at others.
+
+        Parameters
+        ----------
+        name : a state, an output, or a pair of states (their covariance).
+        parameters : names; by default all that have a number of their own, in the order of the provenance's.
+        initial : states, whose mean at the start, and pairs of states, whose covariance at the start adds a column each.
+        moment : "variance" or "mean".
+        method : "forward", "adjoint" or "auto"; see `CompiledModel.gradient`.
+
+        Raises
+        ------
+        ModelError
+            Unknown names, or a history that came from another process without its model.
+        SolverError
+            If the derivatives break down, or do not exist.
+        """
+        if self.derivatives is None:
+            raise ModelError("this history came without its model; use `gradient` of the compiled model.")
+        at = self.time if times is None else times
+        values = self.provenance.parameters
+        return self.derivatives(name, parameters, at, initial=initial, moment=moment, method=method, values=values)
 
     def to_dict(self) -> dict[str, Any]:
         """The history as plain lists and numbers: what ``cadet-sym moments --json`` prints."""

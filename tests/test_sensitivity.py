@@ -9,7 +9,8 @@ import pytest
 from reference_models import toml
 
 import cadet_sym as cs
-from cadet_sym.errors import ModelError
+from cadet_sym.errors import ModelError, SolverError
+from cadet_sym.solve.transient import Start, integrate
 
 CHAIN = """
 name = "eight parameters"
@@ -53,51 +54,177 @@ sigma = 0.1
 cutoff = 0.5
 [travel]
 speed = "V"
+[initial.covariance]
+"z,z" = 0.01
+"v,v" = 0.05
 [run]
 duration = 2.0
 """
 
 
-def differences(compiled: cs.CompiledModel, name: str, parameter: str, moment: str, times: list[float]) -> np.ndarray:
-    declared = compiled.model.parameter_values()[parameter]
-    step = 1e-4 * declared
-    ends = [compiled.propagate(times, rtol=1e-10, parameters={parameter: declared + s * step}) for s in (1, -1)]
-    values = [getattr(each, moment)[name] for each in ends]
-    return (values[0] - values[1]) / (2 * step)
+PULSE = """
+name = "a pulse whose time is a parameter"
+[parameters]
+k = 4.0
+from = 1.0
+length = 0.2
+force = 3.0
+x0 = 0.4
+[rates]
+x = "v"
+v = "-k*x - 0.3*v - x**3 + (force if from < t < from + length else 0) + w"
+[noise]
+w = 1.0
+[initial]
+x = "x0"
+[run]
+duration = 3.0
+"""
+
+STEPS = """
+name = "a road that changes where it changes"
+[parameters]
+k = 30.0
+V = 6.0
+a = 1.5
+place = 7.0
+rough = 2.0
+[rates]
+z = "v"
+v = "-k*(z - h) - 2*(v - der(h)) - 0.5*(v - der(h))*abs(v - der(h))"
+[contacts]
+h = {}
+[ground]
+kind = "shaping_filter"
+rates = { h = "p", p = "-3*p - 2*h + (rough if s > place else 1)*w" }
+noise = { w = 0.01 }
+height = "h"
+[travel]
+speed = "V + a*t"
+[initial]
+ground = "smooth"
+[outputs]
+closure = "z - h"
+squared = "(z - h)**2"
+[run]
+duration = 2.0
+"""
+
+MODELS = {"chain": CHAIN, "wheels": WHEELS, "pulse": PULSE, "steps": STEPS}
 
 
-@pytest.mark.parametrize(
-    ("text", "name", "moment", "times"),
-    [
-        (CHAIN, "force", "variance", [1.0, 4.0]),
-        (CHAIN, "x", "mean", [4.0]),
-        (CHAIN, "y", "variance", [4.0]),
-        (WHEELS, "z", "variance", [0.5, 2.0]),
-    ],
-)
-def test_forward_derivatives_are_central_differences(text, name, moment, times):
-    compiled = cs.compile(toml(text))
-    found = compiled.gradient(name, times=times, moment=moment, method="forward")
-    for j, parameter in enumerate(compiled.parameters):
-        expected = differences(compiled, name, parameter, moment, times)
-        np.testing.assert_allclose(found[:, j], expected, rtol=1e-5, atol=1e-6 * np.abs(found).max())
+def compiled_model(which: str) -> cs.CompiledModel:
+    return cs.compile(toml(MODELS[which]) if which in MODELS else f"models/{which}.toml")
 
 
-@pytest.mark.parametrize("count", [1, 3, 8])
-def test_the_adjoint_agrees_with_forward(count):
-    compiled = cs.compile(toml(CHAIN))
+def differences(
+    compiled: cs.CompiledModel, name: str | tuple[str, str], parameter: str, moment: str, times: list[float]
+) -> np.ndarray:
+    """Central differences of order 4."""
+    declared = compiled.declaration.values[parameter]
+    step = 2e-3 * declared
+    total: np.ndarray = np.zeros(len(times))
+    for k, weight in ((-2, 1), (-1, -8), (1, 8), (2, -1)):
+        history = compiled.propagate(times, rtol=1e-11, parameters={parameter: declared + k * step})
+        found = history.covariance[name] if isinstance(name, tuple) else getattr(history, moment)[name]
+        total = total + weight * found / (12 * step)
+    return total
+
+
+CASES = [
+    ("chain", "force", "variance", [1.0, 4.0]),
+    ("chain", "force", "mean", [4.0]),
+    ("chain", "x", "mean", [4.0]),
+    ("chain", ("x", "u"), "variance", [1.0, 4.0]),
+    ("wheels", "z", "variance", [0.5, 2.0]),
+    ("oleo_acceleration", "closure", "variance", [5.0]),
+    ("oleo_acceleration", "damper_force", "mean", [5.0]),
+    ("pulse", "x", "mean", [1.1, 3.0]),
+    ("pulse", "v", "variance", [3.0]),
+    ("steps", "closure", "variance", [0.5, 2.0]),
+    ("steps", "squared", "variance", [2.0]),
+]
+
+
+@pytest.mark.parametrize(("which", "name", "moment", "times"), CASES)
+def test_derivatives_are_central_differences(which, name, moment, times):
+    compiled = compiled_model(which)
+    history = compiled.propagate(times)
+    expected = np.array([differences(compiled, name, each, moment, times) for each in compiled.parameters]).T
+    # What a parameter brings, beside all that they bring: differences are no better than that.
+    values = np.abs([compiled.declaration.values[each] for each in compiled.parameters])
+    noise = 1e-7 * np.abs(expected * values).max() / values
+    for method in ("forward", "adjoint"):
+        found = history.gradient(name, moment=moment, method=method)
+        np.testing.assert_array_less(np.abs(found - expected), 1e-5 * np.abs(expected) + noise, err_msg=method)
+
+
+@pytest.mark.parametrize("method", ["forward", "adjoint"])
+@pytest.mark.parametrize("count", range(1, 9))
+def test_one_to_eight_parameters_give_the_same_columns(count, method):
+    compiled = compiled_model("chain")
     names = compiled.parameters[:count]
-    forward = compiled.gradient("y", names, method="forward")
-    np.testing.assert_allclose(compiled.gradient("y", names, method="adjoint"), forward, rtol=1e-5)
+    every = compiled.gradient("y", method="forward")
+    np.testing.assert_allclose(compiled.gradient("y", names, method=method), every[:, :count], rtol=1e-5)
 
 
-def test_an_oleo_that_starts_on_its_kink():
-    compiled = cs.compile("models/oleo_acceleration.toml")
-    found = compiled.gradient("closure", ["zeta", "a"], [5.0])
-    for j, parameter in enumerate(["zeta", "a"]):
-        np.testing.assert_allclose(
-            found[0, j], differences(compiled, "closure", parameter, "variance", [5.0]), rtol=1e-5
-        )
+@pytest.mark.parametrize("method", ["forward", "adjoint"])
+@pytest.mark.parametrize("which", ["wheels", "pulse"])
+def test_derivatives_in_the_start_are_differences_of_starts(which, method):
+    compiled, times = compiled_model(which), np.array([0.5, 2.0])
+    first, second = compiled.states[:2]
+    entries = [first, (second, second), (first, second)]
+    found = compiled.gradient(first, [], times, initial=entries, method=method)
+    start, p, n = compiled.initial(), compiled.parameter_vector(), compiled.packing.n
+    breakpoints = compiled.breakpoints(p, 2.0)
+    for k, entry in enumerate((0, 2 * n, n + 1)):
+        ends = []
+        for sign in (1, -1):
+            y = start.copy()
+            y[entry] += sign * 1e-4
+            ends.append(integrate(compiled.functions, Start(y, p, breakpoints), times, rtol=1e-11).y[:, n])
+        np.testing.assert_allclose(found[:, k], (ends[0] - ends[1]) / 2e-4, rtol=1e-5, atol=1e-5 * np.abs(found).max())
+
+
+def test_a_parameter_of_the_start_alone():
+    compiled = compiled_model("pulse")
+    np.testing.assert_allclose(
+        compiled.gradient("x", ["x0"], [2.0], moment="mean"),
+        compiled.gradient("x", [], [2.0], moment="mean", initial=["x"]),
+        rtol=1e-6,
+    )
+
+
+def test_where_the_adjoint_gives_up_forward_goes_on(monkeypatch):
+    from cadet_sym.solve import gradient
+
+    def gives_up(*_):
+        raise SolverError("too much work")
+
+    compiled = compiled_model("chain")
+    expected = compiled.gradient("y", method="forward")
+    monkeypatch.setattr(gradient, "adjoint", gives_up)
+    monkeypatch.setattr(gradient, "MANY", 0)
+    np.testing.assert_array_equal(compiled.gradient("y"), expected)
+    with pytest.raises(SolverError, match="too much work"):
+        compiled.gradient("y", method="adjoint")
+
+
+def test_a_breakpoint_that_comes_or_goes_is_said():
+    compiled = compiled_model("pulse")
+    with pytest.raises(SolverError, match="comes or goes"):
+        compiled.gradient("x", ["from"], [3.0], moment="mean", values={"from": 2.99999})
+
+
+def test_a_history_keeps_its_model_within_its_process():
+    import pickle
+
+    compiled = compiled_model("pulse")
+    history = compiled.propagate([1.0, 2.0], parameters={"k": 5.0})
+    found = history.gradient("x", ["k"])
+    np.testing.assert_array_equal(found, compiled.gradient("x", ["k"], [1.0, 2.0], values={"k": 5.0}))
+    with pytest.raises(ModelError, match="without its model"):
+        pickle.loads(pickle.dumps(history)).gradient("x")
 
 
 def test_unknown_names_are_refused():
@@ -106,6 +233,8 @@ def test_unknown_names_are_refused():
         {"name": "nothing"},
         {"name": "x", "parameters": ["k9"]},
         {"name": "x", "method": "magic"},
+        {"name": "x", "initial": ["q"]},
+        {"name": "x", "initial": [("x", "q")]},
     )
     for arguments in wrong:
         with pytest.raises(ModelError):

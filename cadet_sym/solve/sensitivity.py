@@ -11,9 +11,11 @@ be wrong in silence from three parameters on.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import redirect_stderr
 from dataclasses import dataclass
 from functools import lru_cache
+from io import StringIO
 from typing import Any
 
 import casadi as ca
@@ -33,6 +35,13 @@ METHODS = ("auto", "forward", "adjoint")
 RTOL = 1e-9
 """Of the moments and their derivatives together."""
 
+BACKWARDS = (1e-10, 1e-9, 1e-8)
+"""Absolute tolerances to try for the run backwards, where the largest entry is one; near a kink without variance the
+adjoint grows without bound."""
+
+EDGE = 1e-9
+"""How far before and after a breakpoint its two sides are looked at, relative to its time."""
+
 
 @dataclass(frozen=True)
 class _Stretch:
@@ -44,7 +53,13 @@ class _Stretch:
 
 
 def forward(
-    lowered: MomentFunctions, start: Start, start_slope: Array, columns: Sequence[int], size: Array, times: Array
+    lowered: MomentFunctions,
+    start: Start,
+    start_slope: Array,
+    columns: Sequence[int],
+    size: Array,
+    times: Array,
+    moved: Mapping[float, Array],
 ) -> tuple[Array, Array]:
     """Packed moments (k, size) and their derivatives (k, size, c) in the chosen entries of p.
 
@@ -53,6 +68,7 @@ def forward(
     start_slope : (size, c) derivative of the start.
     columns : the entries of p; -1 stands for a column that only the start depends on.
     size : (size,) how large every moment becomes.
+    moved : how every breakpoint moves with the columns, (c,) each.
     """
     n, c = len(start.y), len(columns)
     y, S = start.y, start_slope
@@ -65,6 +81,8 @@ def forward(
     unit = np.where(unit > 0, unit, [1 / max(abs(start.p[j]), 1e-3) if j >= 0 else 1.0 for j in columns])
     scale = np.concatenate([size, (size[:, None] * unit).ravel(order="F")])
     for stretch in _stretches(start, times):
+        if stretch.begin in moved:
+            S = S + np.outer(_jump(lowered, start.p, stretch.begin, y), moved[stretch.begin])
         z = np.concatenate([y, S.ravel(order="F")]) / scale
         found = _first_success(
             lambda way, z=z, stretch=stretch: _run_forward(lowered, start.p, tuple(columns), stretch, z, scale, way),
@@ -104,35 +122,60 @@ def _first_success(attempt: Callable[[_Way], Array], stretch: _Stretch) -> Array
 EXPLICIT: _Way = (("linear_multistep_method", "adams"), ("nonlinear_solver_iteration", "functional"))
 
 
-def adjoint(lowered: MomentFunctions, start: Start, size: Array, time: float, weight: Array) -> tuple[Array, Array]:
+def adjoint(
+    lowered: MomentFunctions, start: Start, size: Array, time: float, weight: Array, moved: Mapping[float, Array]
+) -> tuple[Array, Array]:
     """Derivatives of weight . y(time) in p (parameters,) and in the start (size,), by one run backwards.
 
     Parameters
     ----------
     weight : (size,) derivative of the quantity wanted in the packed moments at that time.
+    moved : how every breakpoint moves with the parameters, (parameters,) each.
     """
     bar, slope = weight.astype(float), np.zeros(len(start.p))
     stretches = list(_stretches(start, np.array([time])))
     states = [start.y]
     for stretch in stretches:
-        run = _plain(lowered, float(stretch.grid[-1] - stretch.begin))
+        run = _plain(lowered, float(stretch.grid[-1] - stretch.begin), BACKWARDS[0])
         states.append(
             np.asarray(run(x0=states[-1] / size, p=ca.vertcat(start.p, size, stretch.begin))["xf"]).ravel() * size
         )
     for stretch, y in zip(reversed(stretches), reversed(states[:-1]), strict=True):
-        run = _plain(lowered, float(stretch.grid[-1] - stretch.begin))
-        backward = run.reverse(1)
-        inputs = [y / size, [], ca.vertcat(start.p, size, stretch.begin), [], [], [], []]
-        seeds = [bar * size, [], [], [], [], [], []]
-        try:
-            found = backward(*inputs, *run.call(inputs), *seeds)
-        except RuntimeError as error:
-            raise _failure(stretch, error) from None
-        bar = np.asarray(found[0]).ravel() / size
-        slope += np.asarray(found[2]).ravel()[: len(slope)]
-        if not (np.isfinite(bar).all() and np.isfinite(slope).all()):
-            raise _failure(stretch, "the adjoint is not finite")
+        bar, gained = _backwards(lowered, start.p, stretch, y, size, bar)
+        slope += gained
+        if stretch.begin in moved:
+            slope += bar @ _jump(lowered, start.p, stretch.begin, y) * moved[stretch.begin]
     return slope, bar
+
+
+def _backwards(
+    lowered: MomentFunctions, p: Array, stretch: _Stretch, y: Array, size: Array, bar: Array
+) -> tuple[Array, Array]:
+    """What a weight at the end of a stretch is at its beginning, and what it has gathered in p on the way."""
+    unit = np.abs(bar * size).max(initial=0.0) or 1.0
+    seeds = [bar * size / unit, [], [], [], [], [], []]
+    inputs = [y / size, [], ca.vertcat(p, size, stretch.begin), [], [], [], []]
+    reason: object = "the adjoint is not finite"
+    for tolerance in BACKWARDS:
+        run = _plain(lowered, float(stretch.grid[-1] - stretch.begin), tolerance)
+        try:
+            with redirect_stderr(StringIO()):  # CasADi prints the inputs of what fails
+                found = run.reverse(1)(*inputs, *run.call(inputs), *seeds)
+        except RuntimeError as error:
+            reason = error
+            continue
+        weight, gained = (np.asarray(found[k]).ravel() * unit for k in (0, 2))
+        if np.isfinite(weight).all() and np.isfinite(gained).all():
+            return weight / size, gained[: len(p)]
+    raise _failure(stretch, reason)
+
+
+def _jump(lowered: MomentFunctions, p: Array, t: float, y: Array) -> Array:
+    """y'(t-) - y'(t+) at a breakpoint, whose distance may be one of the moments."""
+    rate = np.asarray(lowered.rate(t, y, p)).ravel()
+    inset = EDGE * t
+    before, after = (np.asarray(lowered.rate(t + e, y + e * rate, p)).ravel() for e in (-inset, inset))
+    return before - after
 
 
 def _stretches(start: Start, times: Array) -> Iterator[_Stretch]:
@@ -178,8 +221,9 @@ def _integrator(lowered: MomentFunctions, columns: tuple[int, ...], grid: tuple[
 
 
 @lru_cache(maxsize=64)
-def _plain(lowered: MomentFunctions, length: float) -> ca.Function:
-    return _scaled("plain", lowered.rate, len(lowered.parameters), lowered.facts.packing.size, [length])
+def _plain(lowered: MomentFunctions, length: float, backwards: float) -> ca.Function:
+    way = (("augmented_options", {"abstol": backwards}),)
+    return _scaled("plain", lowered.rate, len(lowered.parameters), lowered.facts.packing.size, [length], way)
 
 
 def _scaled(name: str, rate: ca.Function, count: int, size: int, grid: list[float], way: _Way = ()) -> ca.Function:
@@ -187,7 +231,7 @@ def _scaled(name: str, rate: ca.Function, count: int, size: int, grid: list[floa
     t, x, p = ca.SX.sym("t"), ca.SX.sym("x", size), ca.SX.sym("p", count + size + 1)
     scale, begin = p[count : count + size], p[count + size]
     ode = rate(begin + t, scale * x, p[:count]) / scale
-    options: Any = _OPTIONS | dict(way) | {"augmented_options": {"abstol": 1e-7}}
+    options: Any = _OPTIONS | dict(way)
     return ca.integrator(name, "cvodes", {"x": x, "p": p, "t": t, "ode": ode}, 0.0, grid, options)
 
 

@@ -1,0 +1,143 @@
+"""Derivatives of one mean, variance or covariance of a run, at any times, in parameters and in the start.
+
+What depends on a parameter: the start (the ground's stationary covariance, initial values), the equations, and the times
+at which known inputs change abruptly. The moments are continuous there but their derivatives jump: where a breakpoint
+t_b(p) moves, S gains (y'(t_b-) - y'(t_b+)) dt_b/dp.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from cadet_sym.errors import SolverError
+from cadet_sym.lowering.functions import MomentFunctions
+from cadet_sym.solve.scales import peaks
+from cadet_sym.solve.sensitivity import adjoint, forward
+from cadet_sym.solve.transient import Start, integrate
+
+__all__ = ["Gradient", "start_entry"]
+
+Array = npt.NDArray[np.float64]
+
+MANY = 20
+"""Parameters, above the number of times, from which on one run backwards a time is cheaper than a column a parameter."""
+
+STEP = 1e-5
+"""Of central differences, relative: of what is found by iteration."""
+
+
+def start_entry(functions: MomentFunctions, pair: tuple[str, str] | str) -> int:
+    """Where the mean of a state, or the covariance of two, stands in the packed moments; -1 if there is no such state."""
+    facts, packing = functions.facts, functions.facts.packing
+    names = [pair] if isinstance(pair, str) else list(pair)
+    if len(names) not in (1, 2) or any(name not in facts.states for name in names):
+        return -1
+    if len(names) == 1:
+        return facts.states.index(names[0])
+    low, high = sorted(facts.states.index(name) for name in names)
+    rows, columns = packing.triangle
+    return packing.n + int(np.flatnonzero((rows == high) & (columns == low))[0])
+
+
+@dataclass(frozen=True)
+class Gradient:
+    """The derivatives of a run in all that it starts from.
+
+    Parameters
+    ----------
+    start : gives the start of a run at parameters p.
+    """
+
+    functions: MomentFunctions
+    start: Callable[[Array], Start]
+
+    def __call__(
+        self, wanted: ca.Function, p: Array, columns: Sequence[int], entries: Sequence[int], times: Array, method: str
+    ) -> Array:
+        """Derivatives (k, parameters + entries) at the times (k,).
+
+        Parameters
+        ----------
+        wanted : (t, y, p) -> value, d/dy, d/dp; see `sensitivity.quantity`.
+        columns, entries : of p, and of the packed moments at the start.
+        method : "forward", "adjoint" or "auto".
+
+        Raises
+        ------
+        SolverError
+            If the derivatives break down.
+        """
+        start = self.start(p)
+        slope = np.hstack([self._start_slope(start), np.eye(len(start.y))[:, list(entries)]])
+        size = self._size(start, float(times[-1]))
+        chosen = [*columns, *range(len(p), len(p) + len(entries))]
+        if method == "adjoint" or (method == "auto" and len(chosen) > MANY + len(times)):
+            try:
+                return self._adjoint(wanted, start, times, size, slope)[:, chosen]
+            except SolverError:
+                if method == "adjoint":
+                    raise
+        own = [*columns, *([-1] * len(entries))]
+        moved = {t: np.append(each[list(columns)], [0.0] * len(entries)) for t, each in self._moved(start).items()}
+        y, S = forward(self.functions, start, slope[:, chosen], own, size, times, moved)
+        rows = []
+        for t, moments, part in zip(times, y, S, strict=True):
+            _, in_y, in_p = (np.asarray(each) for each in wanted(t, moments, p))
+            rows.append(in_y[0] @ part + np.append(in_p[0, list(columns)], [0.0] * len(entries)))
+        return np.array(rows)
+
+    def _adjoint(self, wanted: ca.Function, start: Start, times: Array, size: Array, slope: Array) -> Array:
+        y = integrate(self.functions, start, times, rtol=1e-9).y
+        moved, rows = self._moved(start), []
+        for t, moments in zip(times, y, strict=True):
+            _, in_y, in_p = (np.asarray(each) for each in wanted(t, moments, start.p))
+            direct, at_start = np.zeros(len(start.p)), in_y[0]
+            if t > 0:
+                direct, at_start = adjoint(self.functions, start, size, float(t), in_y[0], moved)
+            row = at_start @ slope
+            row[: len(direct)] += in_p[0] + direct
+            rows.append(row)
+        return np.array(rows)
+
+    def _size(self, start: Start, end: float) -> Array:
+        grid = np.linspace(0, end, 33) if end > 0 else np.zeros(1)
+        return peaks(integrate(self.functions, start, grid, rtol=1e-4).y, self.functions.facts.packing)
+
+    def _start_slope(self, start: Start) -> Array:
+        """Derivative (size, parameters) of the start: central differences where a stationary state is solved for."""
+        p, initial = start.p, self.functions.initial
+        if np.allclose(np.asarray(initial(p)).ravel(), start.y, rtol=1e-12, atol=0):
+            q = ca.MX.sym("q", len(p))
+            return np.asarray(ca.Function("slope", [q], [ca.jacobian(initial(q), q)])(p))
+        return self._differences(p, lambda q: self.start(q).y, len(start.y))
+
+    def _moved(self, start: Start) -> Mapping[float, Array]:
+        """How every known breakpoint moves with the parameters, (parameters,) each."""
+        count = len(start.breakpoints)
+        if not count:
+            return {}
+
+        def breakpoints(q: Array) -> Array:
+            found = np.array(self.start(q).breakpoints)
+            if len(found) != count:
+                raise SolverError(
+                    "the derivatives do not exist: with the parameters an abrupt change of speed, ground or input comes "
+                    "or goes. Move the parameter, or the end of the run, a little."
+                )
+            return found
+
+        slopes = self._differences(start.p, breakpoints, count)
+        return dict(zip(start.breakpoints, slopes, strict=True))
+
+    def _differences(self, p: Array, value: Callable[[Array], Array], size: int) -> Array:
+        """Derivative (size, parameters) by central differences."""
+        found = np.empty((size, len(p)))
+        for j, step in enumerate(STEP * np.maximum(np.abs(p), 1e-3)):
+            move = step * np.eye(len(p))[j]
+            found[:, j] = (value(p + move) - value(p - move)) / (2 * step)
+        return found
