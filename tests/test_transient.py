@@ -182,3 +182,16 @@ def test_a_matrix_without_eigenvectors_has_a_neighbour_with():
     N = np.diag(np.ones(3), 1)
     assert (form := modal_form(N)) is None or form.condition > 1e7
     assert scaled_form(N, np.ones(4)).condition < 1e10
+
+
+def test_a_rate_that_jumps_as_the_run_leaves_rest_is_met_on_the_far_side():
+    x, v, w, y, z = sp.symbols("x v w y z")
+    turn = cs.Element("turn", [y, z], sp.sign(y * z))
+    vehicle = cs.Vehicle(rates={x: v, v: -x - v - turn(v, x) + w})
+    compiled = cs.compile(cs.Model(vehicle, noise=cs.Noise(("w",), sp.ImmutableMatrix([[1]])), duration=1))
+    runs = [compiled.propagate([0.0, 1e-3, 1.0], engine=engine) for engine in ("direct", "implicit", "explicit")]
+    for run in runs:
+        assert run.covariance["x", "v"][1] == pytest.approx(0.5e-6, rel=0.01)
+        np.testing.assert_allclose(run.state_covariance[2], runs[0].state_covariance[2], rtol=1e-6)
+    # E[sign(v x)] is 2 asin(r)/pi, and r = sqrt(3)/2 as soon as white noise has driven a mass
+    assert runs[0].mean["v"][1] == pytest.approx(-2e-3 / 3, rel=0.01)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 from weakref import WeakKeyDictionary
 
@@ -26,6 +26,7 @@ from cadet_sym.solve.cvodes import Direct
 from cadet_sym.solve.definite import lost, warn_of_loss
 from cadet_sym.solve.evaluate import gains
 from cadet_sym.solve.krylov import Stepping
+from cadet_sym.solve.onset import past_onset
 from cadet_sym.solve.scales import Tolerance, fits, peaks
 
 __all__ = ["ENGINES", "Start", "Trajectory", "check_times", "integrate"]
@@ -69,11 +70,12 @@ class Trajectory:
 
 @dataclass(frozen=True)
 class Start:
-    """Where a run starts and what it meets: packed moments at t = 0, parameters, times of known breakpoints."""
+    """Where a run starts and what it meets: packed moments, parameters, times of known breakpoints, time of the start."""
 
     y: Array
     p: Array
     breakpoints: tuple[float, ...] = ()
+    time: float = 0.0
 
 
 class Engine(Protocol):
@@ -127,6 +129,8 @@ def integrate(
     packing = lowered.facts.packing
     kind = engine if engine != "auto" else _choose(lowered, start, grid)
     size = _sizes(lowered, start, float(grid[-1]), kind, declared)
+    if (later := past_onset(lowered, start.y, start.p, float(grid[grid > 0].min(initial=grid[-1])))) is not None:
+        start = replace(start, time=later[0], y=later[1])
     y, used = _march(lowered, start, grid, kind, _tolerance(rtol, size), rtol)
     if not fits(size, y, packing):
         size = peaks(np.vstack([start.y, y]), packing)
@@ -222,7 +226,7 @@ def _rough_run(lowered: MomentFunctions, start: Start, duration: float, kind: st
 
 
 def _edges(start: Start, grid: Array) -> list[float]:
-    return [0.0, *sorted(b for b in set(start.breakpoints) if 0 < b < grid[-1]), float(grid[-1])]
+    return [start.time, *sorted(b for b in set(start.breakpoints) if start.time < b < grid[-1]), float(grid[-1])]
 
 
 def _march(
