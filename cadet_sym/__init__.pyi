@@ -6,6 +6,7 @@ from .bifurcation import SolutionBranches as SolutionBranches
 from .bifurcation import branches as branches
 from .compiled import CompiledModel as CompiledModel
 from .compiled import compile as compile
+from .controlled import simulate as simulate
 from .errors import CadetError as CadetError
 from .errors import ExportError as ExportError
 from .errors import LinearisationError as LinearisationError
@@ -44,6 +45,5 @@ from .report import compare as compare
 from .results import MomentHistory as MomentHistory
 from .results import StationaryMoments as StationaryMoments
 from .simulation import Ensemble as Ensemble
-from .simulation import simulate as simulate
 from .sweeps import Sweep as Sweep
 from .sweeps import sweep as sweep

@@ -7,23 +7,28 @@ g = E[f] - N m, m and P being the moments that `propagate` finds.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, Literal, TypedDict, Unpack
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from cadet_sym.augmentation import AugmentedSystem
 from cadet_sym.compiled import CompiledModel
 from cadet_sym.compiled import compile as compile_model
-from cadet_sym.errors import ModelError
+from cadet_sym.errors import CadetError, ModelError
 from cadet_sym.language.model import Model
-from cadet_sym.simulation import Ensemble, simulate
-from cadet_sym.simulation.arguments import output_times
+from cadet_sym.simulation import Ensemble
+from cadet_sym.simulation import simulate as simulate_plainly
+from cadet_sym.simulation.arguments import CHECKED, check_numbers, output_times
 from cadet_sym.simulation.plan import Problem
 from cadet_sym.simulation.twin import Twin
 
-__all__ = ["controlled_simulation", "twin_of"]
+__all__ = ["Options", "simulate", "twin_of"]
 
 Array = npt.NDArray[np.float64]
 
@@ -32,30 +37,92 @@ RTOL = 1e-8  # of these moments
 EDGE = 1e-9  # of a stretch: how far inside it speed and ground are taken at its ends
 
 
-def controlled_simulation(model: Model | CompiledModel, paths: Any = 2000, **options: Any) -> Ensemble:
-    """Simulate with the quasi-linear system as control variate: the true moments, with limits, from fewer paths.
+class Options(TypedDict, total=False):
+    """What `simulate` takes besides a model, the number of paths and `control`."""
+
+    seed: int
+    times: Sequence[float] | Array | None
+    step: float | None
+    level: float
+    keep: int
+    run_in: float | None
+    check_step: bool
+    target: float
+    watch: Sequence[str] | None
+    time_limit: float | None
+    levels: Mapping[str, Sequence[float]] | None
+    histograms: Mapping[str, int | Sequence[float] | Array] | None
+    average_from: float | None
+    engine: str | None
+    threads: int | None
+    executor: Executor | None
+    progress: bool | Callable[[int], Any]
+
+
+def simulate(
+    model: Model | AugmentedSystem | CompiledModel,
+    paths: int | Literal["auto"] = 2000,
+    *,
+    control: bool | None = None,
+    **options: Unpack[Options],
+) -> Ensemble:
+    """Simulate the original nonlinear model: its true moments, with limits, from as few paths as can be.
+
+    The quasi-linear system rides along with every path on the same noise. Its moments are known, so that what chance
+    does to it tells what chance does to the path (control variates; see `simulation.control`). The moments stay those
+    of the original model, with standard errors from independent batches of paths.
 
     Parameters
     ----------
-    model : a model, or a compiled one.
-    paths, options : as for `simulate`; `paths="auto"` simulates until the limits are within `target`.
+    model : a model, its augmented system, or the compiled model.
+    paths : realisations, or "auto": as many as `target` asks for.
+    control : True, use the quasi-linear system; False, simulate plainly; None, use it if it can be had and a pilot
+        sample shows that it saves more than it costs. `Ensemble.method` says what was done and what it saved.
+    options : as the engine takes them,
+
+        seed : a whole number, not negative; the same seed gives the same paths.
+        times : (k,) output times; the model's own run if not given.
+        step : longest time step; if not given, one whose measured error is below half of the sampling error.
+        level : probability of the limits, 0.99.
+        keep : paths to be kept as they are, for plots, 20.
+        target, watch, time_limit : with `paths="auto"`, the half-width wanted of the limits of a variance over the
+            variance and of a mean over the standard deviation, 0.01; of which states and outputs; seconds there are.
+        levels, histograms, average_from : up-crossings, distributions and averages over time.
+        executor, threads : where groups of paths are worked out; results do not depend on it.
+        run_in, check_step, engine, progress : see `simulation.engine.simulate`.
 
     Returns
     -------
-    Ensemble : `saved("variance")` tells how many times more paths plain simulation would have needed.
+    Ensemble : `mean`, `variance`, their `limit`, `method`; `plain_paths(name)` is what plain simulation would need.
 
     Raises
     ------
-    ModelError, LinearisationError, SolverError : as `compile`, `propagate` and `simulate` do.
+    ModelError : an argument or the model is wrong; with `control=True` also a model of which there is no twin.
+    SolverError : every path diverged, or the target was not reached in the time there was; `partial` holds the
+        ensemble so far.
     """
-    compiled = model if isinstance(model, CompiledModel) else compile_model(model)
-    if compiled.model.initial.whole:
-        raise ModelError(
-            '[initial] whole = "stationary": the paths are run in before t = 0, where the quasi-linear system is no '
-            "control variate; start from numbers and let the run itself settle"
-        )
-    times = output_times(compiled.model, options.pop("times", None))
-    return simulate(compiled.model, paths, times=times, twin=twin_of(compiled, times), **options)
+    system = model.equations.quasi_linear.system if isinstance(model, CompiledModel) else model
+    check_numbers(paths=None if paths == "auto" else paths, **{k: v for k, v in options.items() if k in CHECKED})
+    if control is False:
+        return simulate_plainly(system, paths, **options)
+    declared = system.model if isinstance(system, AugmentedSystem) else system
+    options["times"] = times = output_times(declared, options.get("times"))
+    try:
+        if declared.initial.whole:
+            raise ModelError(NO_TWIN)
+        twin = twin_of(model if isinstance(model, CompiledModel) else compile_model(declared), times)
+    except CadetError as error:
+        if control:
+            raise
+        ensemble = simulate_plainly(system, paths, **options)
+        return replace(ensemble, notes=(*ensemble.notes, f"Simulated without the quasi-linear system: {error}"))
+    return simulate_plainly(system, paths, twin=twin, insist=bool(control), **options)
+
+
+NO_TWIN = (
+    '[initial] whole = "stationary": the paths are run in before t = 0, where the quasi-linear system is no control '
+    "variate; start from numbers and let the run itself settle"
+)
 
 
 def twin_of(compiled: CompiledModel, times: Array) -> Twin:

@@ -10,7 +10,7 @@ from reference_models import oleo, oscillator, toml, value
 
 import cadet_sym as cs
 from cadet_sym.augmentation import augment
-from cadet_sym.controlled import controlled_simulation, twin_of
+from cadet_sym.controlled import twin_of
 from cadet_sym.errors import ModelError, SolverError
 from cadet_sym.simulation import simulate
 from cadet_sym.simulation.plan import Problem
@@ -28,7 +28,7 @@ def row(case: str, t: float):
 
 
 def test_the_twin_saves_most_of_the_paths_and_tells_the_same_truth(figure_2):
-    run = controlled_simulation(figure_2, 1500, times=[1.0, 3.0], seed=1)
+    run = cs.simulate(figure_2, 1500, times=[1.0, 3.0], seed=1)
     assert run.notes == ()
     assert run.saved("variance")["x"][-1] > 30
     assert run.saved("mean")["x"][-1] > 300
@@ -43,7 +43,7 @@ def test_the_twin_saves_most_of_the_paths_and_tells_the_same_truth(figure_2):
 
 
 def test_an_output_that_is_not_linear_is_helped_too(figure_2):
-    run = controlled_simulation(figure_2, 1500, times=[3.0], seed=1)
+    run = cs.simulate(figure_2, 1500, times=[3.0], seed=1)
     assert run.saved("mean")["damper_force"][0] > 20
     assert run.saved("variance")["damper_force"][0] > 5
 
@@ -84,7 +84,7 @@ def test_a_linear_system_is_its_own_twin():
     )
     compiled = cs.compile(model)
     history = compiled.propagate()
-    run = controlled_simulation(compiled, 200)
+    run = cs.simulate(compiled, 200)
     for name in ("x", "v", "stroke"):
         assert np.allclose(run.mean[name], 0.0, atol=1e-9)
         assert np.allclose(run.variance[name], history.variance[name], rtol=2e-3)
@@ -100,7 +100,7 @@ def test_a_twin_with_wrong_moments_is_found_out(figure_2):
 
 
 def test_paths_are_simulated_until_the_limits_are_as_wanted(figure_2):
-    run = controlled_simulation(figure_2, "auto", times=[1.0, 3.0], target=0.01, watch=["x"], seed=2)
+    run = cs.simulate(figure_2, "auto", times=[1.0, 3.0], target=0.01, watch=["x"], seed=2)
     assert (run.limit("variance")["x"] <= 0.01 * run.variance["x"]).all()
     assert (run.limit("mean")["x"] <= 0.01 * run.std["x"]).all()
     assert run.paths < 40_000
@@ -118,8 +118,12 @@ def test_a_target_out_of_reach_is_told_with_what_was_obtained():
 
 def test_a_run_in_start_has_no_twin():
     text = oleo("R41A", duration=2.0).to_toml().replace('ground = "smooth"', 'whole = "stationary"')
+    model = toml(text.replace("schema = 1\n", ""))
     with pytest.raises(ModelError, match="no control variate"):
-        controlled_simulation(toml(text.replace("schema = 1\n", "")), 100)
+        cs.simulate(model, 100, control=True)
+    run = cs.simulate(model, 100, times=[1.0], step=0.1, run_in=1.0, check_step=False)
+    assert run.controlled == ()
+    assert any("Simulated without the quasi-linear system: [initial] whole" in note for note in run.notes)
 
 
 def test_numpy_and_numba_carry_the_same_riders():

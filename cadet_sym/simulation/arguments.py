@@ -12,9 +12,10 @@ import numpy as np
 from cadet_sym.errors import ModelError
 from cadet_sym.language.model import Model
 
-__all__ = ["check_numbers", "choose_engine", "increasing", "output_times", "places_of"]
+__all__ = ["CHECKED", "check_numbers", "choose_engine", "increasing", "output_times", "places_of"]
 
 _LEAST = {"paths": 2, "seed": 0, "keep": 0, "threads": 1}
+CHECKED = ("seed", "step", "level", "keep", "run_in", "threads", "target", "time_limit")  # numbers among the options
 
 
 def check_numbers(**given: Any) -> None:

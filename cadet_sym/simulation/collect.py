@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from cadet_sym.simulation.control import Controlled, ControlTally
+from cadet_sym.simulation.control import BATCHES, FEWEST, Controlled, ControlTally
 from cadet_sym.simulation.statistics import Estimates, Moments
 from cadet_sym.simulation.workers import GroupResult, Task, run_groups
 
-__all__ = ["Collected", "Goal", "collect"]
+__all__ = ["Collected", "Goal", "collect", "estimates_of"]
 
 _FIRST = 2048  # paths before the first look at how many it will take
 _GROWTH, _SPARE = 8.0, 1.05  # most by which their number grows at a time, and margin for what is estimated
@@ -53,19 +53,19 @@ class Collected:
         return tuple(tally.estimate(sums) for tally, sums in pairs if isinstance(tally, ControlTally))
 
 
-def estimates_of(moments: Moments, controlled: Sequence[Controlled], rows: Sequence[int]) -> Estimates:
-    """The plain estimates, and those by control variates where these are to be trusted and better."""
+def estimates_of(moments: Moments, controls: Sequence[ControlTally], controlled: Sequence[Controlled]) -> Estimates:
+    """The plain estimates, and those by control variates where a pilot sample preferred them and they are trusted."""
     names = ("mean", "variance", "mean_standard_error", "variance_standard_error")
     arrays = {name: np.array(getattr(moments, name)) for name in names}
-    for row, found in zip(rows, controlled, strict=True):
-        if not found.trusted:
+    helped = {moment: np.zeros(moments.mean.shape, bool) for moment in names[:2]}
+    for tally, found in zip(controls, controlled, strict=True):
+        if not found.trusted or moments.count.min() < FEWEST:
             continue
-        for moment in ("mean", "variance"):
-            error = getattr(found, f"{moment}_standard_error")
-            better = error < arrays[f"{moment}_standard_error"][:, row]
+        for moment, prefer in zip(names, tally.prefer, strict=False):
+            helped[moment][prefer, tally.target] = True
             for name in (moment, f"{moment}_standard_error"):
-                arrays[name][better, row] = getattr(found, name)[better]
-    return Estimates(**arrays)
+                arrays[name][prefer, tally.target] = getattr(found, name)[prefer]
+    return Estimates(**arrays, helped=helped, freedom=BATCHES - 1 if len(controls) else 0)
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class Goal:
     paths: int | None  # so many
     target: float  # else: limits of the quantities watched within this, of a variance and of a standard deviation
     rows: tuple[int, ...]  # quantities watched
-    factor: float  # half-width of limits over the standard error
+    level: float  # of the limits
     seconds: float | None  # time there is
 
     def reached(self, estimates: Estimates) -> float:
@@ -84,16 +84,16 @@ class Goal:
         variance = estimates.variance[:, rows]
         varies = variance > 1e-12 * variance.max(axis=0, initial=0.0)
         with np.errstate(divide="ignore", invalid="ignore"):
-            of_mean = estimates.mean_standard_error[:, rows] / np.sqrt(variance)
-            of_variance = estimates.variance_standard_error[:, rows] / variance
+            of_mean = estimates.half_width("mean", self.level)[:, rows] / np.sqrt(variance)
+            of_variance = estimates.half_width("variance", self.level)[:, rows] / variance
         worst = np.where(varies, np.maximum(of_mean, of_variance), 0.0).max(initial=0.0)
-        return float(self.factor * worst / self.target)
+        return float(worst / self.target)
 
 
 def collect(
     task: Task,
     goal: Goal,
-    control_rows: Sequence[int],
+    controls: Sequence[ControlTally],
     executor: Executor | None,
     threads: int | None,
     tell: Callable[[int], Any],
@@ -107,7 +107,7 @@ def collect(
             tell(result.paths)
         if goal.paths is not None:
             return found, 0.0
-        over = goal.reached(estimates_of(found.moments, found.controlled(task.tallies), control_rows))
+        over = goal.reached(estimates_of(found.moments, controls, found.controlled(task.tallies)))
         if over <= 1.0:
             return found, over
         taken, growth = perf_counter() - began, min(_GROWTH, _SPARE * over**2)

@@ -10,14 +10,16 @@ and X - E[X] is close to u + q. X and X^2 are regressed on them, and
     E[X] = mean(X) - beta . mean(controls),      E[X^2] likewise,      Var[X] = E[X^2] - E[X]^2.
 
 Paths are dealt out to `BATCHES` batches in turn; standard errors, and the bias of the regression, come from leaving out
-one batch at a time (jackknife), never from the regression itself.
+one batch at a time (jackknife), never from the regression itself. Whether the estimate with or without the twin is taken
+was decided before, on other paths (`Reference`).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from itertools import islice
 
 import numpy as np
 import sympy as sp
@@ -27,9 +29,11 @@ from cadet_sym.simulation.program import numeric
 from cadet_sym.simulation.riders import is_affine
 from cadet_sym.simulation.statistics import Moments, StepError, alive, moments_of
 
-__all__ = ["ControlTally", "Controlled", "Reference", "control_tallies", "controlled_step", "reference_of"]
+__all__ = ["BATCHES", "FEWEST", "ControlTally", "Controlled", "Reference", "controlled_step", "reference_of"]
 
 BATCHES = 40
+FEWEST = 4 * BATCHES  # paths: with fewer the standard errors say nothing
+_WORTH = 1.2  # times by which other paths' variance must fall for the estimate with the twin to be taken
 _PER_DIRECTION = 6
 _OWN_DIRECTIONS = 3  # states of an output that is not linear, up to which each is a direction of its own
 _RANK = 1e-10  # of the largest eigenvalue of the controls' correlation: smaller ones carry nothing
@@ -75,6 +79,21 @@ class ControlTally:
     states: int  # augmented states: the first rows of the records
     vehicle: int
     twin: int  # first row of the twin's y; q follows
+    gain: np.ndarray = field(default_factory=lambda: np.full((2, 1), np.inf))  # (2, times): see `gains`
+
+    @property
+    def prefer(self) -> np.ndarray:
+        """Where the estimates of mean and variance are those with the twin, (2, times)."""
+        return np.broadcast_to(self.gain > _WORTH, (2, len(self.centre)))
+
+    def gains(self, records: np.ndarray) -> np.ndarray:
+        """How many times smaller the twin makes the variance of the estimates of mean and variance, (2, times)."""
+        left = self.left_over(records, records)[:, 0]
+        X = (records[:, self.target] - self.centre[:, None]) / self.unit[:, None]
+        there = alive(records)
+        plain, rest = (np.nanvar(np.where(there, part, np.nan), axis=-1) for part in (np.stack([X, X * X]), left))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(plain > 0.0, plain / rest, 1.0)
 
     @property
     def size(self) -> int:
@@ -171,22 +190,30 @@ def _estimates(sums: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Reference:
-    """What some paths tell beforehand: places and sizes, and along which direction each output follows the states."""
+    """What some paths tell beforehand: places and sizes, and how much of each quantity the twin explains."""
 
     moments: Moments
-    weights: Mapping[int, np.ndarray]  # row of an output that is not linear: (times, n)
+    controls: tuple[ControlTally, ...]  # of every vehicle state and output, if there is a twin
+
+    @property
+    def gain(self) -> float:
+        """What the twin saves: the geometric mean over the run of its gain, for the quantity that gains most."""
+        gains = [np.exp(np.log(np.clip(tally.gain, 1.0, 1e12)).mean(axis=1)).max() for tally in self.controls]
+        return float(max(gains, default=1.0))
 
 
 def reference_of(problem: Problem, records: np.ndarray) -> Reference:
     """From records (times, rows, paths) of some paths."""
     n, states = len(problem.system.states), problem.system.states
-    weights = {}
+    weights: dict[int, np.ndarray] = {}
     if problem.twin is not None:
         for row, expression in enumerate(problem.system.outputs.values(), n):
             if not is_affine(expression, states):
                 seen = [b for b, s in enumerate(states) if s in expression.free_symbols]
                 weights[row] = _slopes(records, row, seen, n)
-    return Reference(moments_of(records[:, : problem.quantities], n), weights)
+    moments = moments_of(records[:, : problem.quantities], n)
+    controls = (replace(each, gain=each.gains(records)) for each in _control_tallies(problem, moments, weights))
+    return Reference(moments, tuple(controls))
 
 
 def _slopes(records: np.ndarray, row: int, seen: list[int], n: int) -> np.ndarray:
@@ -199,8 +226,15 @@ def _slopes(records: np.ndarray, row: int, seen: list[int], n: int) -> np.ndarra
     return slopes
 
 
-def control_tallies(problem: Problem, reference: Reference) -> tuple[ControlTally, ...]:
-    """A tally for every vehicle state and output, taken about the moments of some paths."""
+def _control_tallies(
+    problem: Problem, moments: Moments, slopes: Mapping[int, np.ndarray]
+) -> tuple[ControlTally, ...]:
+    """A tally for every vehicle state and output, taken about the moments of some paths.
+
+    Parameters
+    ----------
+    slopes : row of an output that is not linear -> direction (times, n) along which it follows the states.
+    """
     twin, system = problem.twin, problem.system
     if twin is None:
         return ()
@@ -209,7 +243,7 @@ def control_tallies(problem: Problem, reference: Reference) -> tuple[ControlTall
     units = [np.broadcast_to(row, shape) for row in np.eye(n)]
     along = [(k, [units[k]]) for k in range(nv)]
     known = {**problem.values, **problem.run_values(problem.times)}
-    for row, expression in enumerate(system.outputs.values(), n):
+    for row, expression in enumerate(islice(system.outputs.values(), problem.asked - n), n):
         seen = [b for b, s in enumerate(system.states) if s in expression.free_symbols]
         if is_affine(expression, system.states):
             weights = np.zeros(shape)
@@ -217,8 +251,7 @@ def control_tallies(problem: Problem, reference: Reference) -> tuple[ControlTall
             along.append((row, [weights]))
         else:
             own = seen if len(seen) <= _OWN_DIRECTIONS else []
-            along.append((row, [units[b] for b in own] or [reference.weights[row]]))
-    moments = reference.moments
+            along.append((row, [units[b] for b in own] or [slopes[row]]))
     std = np.sqrt(moments.variance)
     return tuple(
         ControlTally(
@@ -242,7 +275,7 @@ def _direction(weights: np.ndarray, mean: np.ndarray, covariance: np.ndarray) ->
 def controlled_step(
     tallies: tuple[ControlTally, ...], coarse: np.ndarray, fine: np.ndarray, error: StepError, spread: np.ndarray
 ) -> tuple[StepError, np.ndarray]:
-    """Step error and spread of what the controls leave, in the place of those of the plain records.
+    """Step error and spread of what the controls leave, where they are preferred, in the place of the plain records'.
 
     Parameters
     ----------
@@ -255,11 +288,11 @@ def controlled_step(
         there = np.isfinite(left).all(axis=(0, 1, 2))
         difference = (left[:, 0] - left[:, 1])[..., there]
         per = 2.0 / math.sqrt(max(int(there.sum()), 1))
-        for k, power in ((0, 1), (1, 2)):
-            unit = tally.unit**power
-            parts[_PARTS[k]][:, tally.target] = 2.0 * unit * difference[k].mean(axis=-1)
-            parts[_PARTS[2 + k]][:, tally.target] = per * unit * difference[k].std(axis=-1)
-            spread[k, :, tally.target] = unit * left[k, 1][..., there].std(axis=-1)
+        for k, at in enumerate(tally.prefer):
+            unit = tally.unit[at] ** (k + 1)
+            parts[_PARTS[k]][at, tally.target] = 2.0 * unit * difference[k][at].mean(axis=-1)
+            parts[_PARTS[2 + k]][at, tally.target] = per * unit * difference[k][at].std(axis=-1)
+            spread[k, at, tally.target] = unit * left[k, 1][..., there][at].std(axis=-1)
     return StepError(**parts, paths=error.paths), spread
 
 

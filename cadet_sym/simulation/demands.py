@@ -10,7 +10,7 @@ import numpy as np
 from cadet_sym.errors import ModelError
 from cadet_sym.simulation.arguments import increasing, places_of
 from cadet_sym.simulation.collect import Collected
-from cadet_sym.simulation.control import ControlTally, Reference, control_tallies
+from cadet_sym.simulation.control import ControlTally, Reference
 from cadet_sym.simulation.plan import Problem
 from cadet_sym.simulation.riders import CrossingRider
 from cadet_sym.simulation.statistics import Moments
@@ -35,14 +35,14 @@ class Demands:
         look: Callable[[], Reference],
     ):
         """`look` gives what some paths tell, where none were computed to measure the step's error."""
-        places = dict(zip(histograms, places_of(list(histograms), problem.names, "histograms"), strict=True))
+        places = dict(zip(histograms, places_of(list(histograms), problem.names[: problem.asked], "histograms"), strict=True))
         needed = problem.twin is not None or average_from is not None or bool(histograms)
         reference = chosen.reference if chosen.reference is not None else look() if needed else None
         controls: tuple[ControlTally, ...] = ()
         self.histograms: dict[str, HistogramTally] = {}
         self.average: AverageTally | None = None
         if reference is not None:
-            controls = control_tallies(problem, reference)
+            controls = reference.controls
             for name, bins in histograms.items():
                 self.histograms[name] = HistogramTally(places[name], _edges(name, bins, reference.moments, places[name]))
             if average_from is not None:
@@ -51,7 +51,6 @@ class Demands:
             name: CrossingTally(problem.first_row(rider), rider.levels, problem.times) for name, rider in crossings.items()
         }
         self.controls = controls
-        self.control_rows = [tally.target for tally in controls]
         averages = [self.average] if self.average is not None else []
         self.all: tuple[Tally, ...] = (*controls, *self.histograms.values(), *self.crossings.values(), *averages)
 
@@ -77,4 +76,4 @@ def _average(problem: Problem, since: float, reference: Moments) -> AverageTally
         raise ModelError(
             f"simulate: `average_from` is {since:g}, beyond the last output time {problem.times[-1]:g}; give an earlier one"
         )
-    return AverageTally(start, float(problem.times[start]), reference.mean[start:].mean(axis=0))
+    return AverageTally(start, float(problem.times[start]), reference.mean[start:, : problem.asked].mean(axis=0))

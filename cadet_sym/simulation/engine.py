@@ -21,7 +21,8 @@ from cadet_sym.simulation.arguments import check_numbers, choose_engine, increas
 from cadet_sym.simulation.collect import Collected, Goal, collect, estimates_of
 from cadet_sym.simulation.control import Reference, reference_of
 from cadet_sym.simulation.demands import Demands
-from cadet_sym.simulation.ensemble import Ensemble
+from cadet_sym.simulation.ensemble import Ensemble, shape_of
+from cadet_sym.simulation.inputs import Input, inputs_of
 from cadet_sym.simulation.plan import Plan, Problem
 from cadet_sym.simulation.riders import CrossingRider
 from cadet_sym.simulation.statistics import interval_factor
@@ -47,6 +48,7 @@ def simulate(
     run_in: float | None = None,
     check_step: bool = True,
     twin: Twin | None = None,
+    insist: bool = True,
     target: float = 0.01,
     watch: Sequence[str] | None = None,
     time_limit: float | None = None,
@@ -81,6 +83,7 @@ def simulate(
         seven time constants of the vehicle's slowest mode if not given.
     check_step : measure the step's error (some paths are computed with half the step as well).
     twin : the quasi-linear system along the run, for estimates by control variates (see `control`).
+    insist : use the twin even where the paths that show the step's error tell that it saves less than it costs.
     target, watch, time_limit : with `paths="auto"`, the half-width wanted of the limits of a variance over the variance
         and of a mean over the standard deviation; of which states and outputs (all outputs, or all of the vehicle's
         states if there are none); and the time there is for it, s.
@@ -107,20 +110,27 @@ def simulate(
     )  # fmt: skip
     engine = choose_engine(engine)
     crossings = _crossing_riders(system, increasing(levels or {}, "levels"))
-    problem = Problem(system, output_times(system.model, times), list(crossings.values()), twin)
+    riders, at = list(crossings.values()), output_times(system.model, times)
+    inputs = inputs_of(system)
+    forms = [i.form for i in inputs]
+    problem = Problem(system, at, riders, twin, forms)
     factor = interval_factor(level)
-    goal = Goal(None if auto else paths, target, _watched(problem, watch), factor, time_limit)  # type: ignore[arg-type]
+    goal = Goal(None if auto else paths, target, _watched(problem, watch), level, time_limit)  # type: ignore[arg-type]
     seconds = {"preparing": perf_counter() - began}
     precision = Precision(goal.paths or 2048, target if auto else None, factor)
-    chosen = choose_step(problem, precision, seed, step, run_in, engine, check_step)
+    chosen = choose_step(problem, precision, seed, step, run_in, engine, check_step, insist)
+    if not chosen.worth:
+        problem = Problem(system, at, riders, inputs=forms)
+        chosen = choose_step(problem, precision, seed, step, run_in, engine, check_step)
     began = perf_counter()
     plan, grid = problem.plan(chosen.step, chosen.run_in)
     tallies = Demands(problem, chosen, crossings, histograms or {}, average_from, lambda: _look(plan, engine, seed, problem))
     task = Task(plan, engine, seed, len(system.states), problem.quantities, keep, tallies.all)
     with _telling(progress, goal.paths) as tell:
-        found, over = collect(task, goal, tallies.control_rows, executor, threads, tell)
+        found, over = collect(task, goal, tallies.controls, executor, threads, tell)
     seconds |= {**chosen.seconds, "paths": perf_counter() - began}
-    ensemble = _ensemble(problem, chosen, found, tallies, float(grid.step.max()), seed, level, engine, seconds)
+    known = {"step": float(grid.step.max()), "seed": seed, "level": level, "engine": engine, "seconds": seconds}
+    ensemble = _ensemble(problem, chosen, found, tallies, inputs, known, twin is not None)
     if found.diverged == found.paths:
         raise SolverError(
             f"all {found.paths} paths diverged with a step of {chosen.step:.3g}: the model is unstable, or asks for a "
@@ -144,9 +154,9 @@ def _time_needed(taken: float, over: float) -> float:
 
 def _watched(problem: Problem, names: Sequence[str] | None) -> tuple[int, ...]:
     if names is None:
-        outputs = tuple(range(len(problem.system.states), problem.quantities))
+        outputs = tuple(range(len(problem.system.states), problem.asked))
         return outputs or tuple(range(problem.system.vehicle_size))
-    return tuple(places_of(names, problem.names, "watch"))
+    return tuple(places_of(names, problem.names[: problem.asked], "watch"))
 
 
 def _crossing_riders(system: AugmentedSystem, levels: Mapping[str, tuple[float, ...]]) -> dict[str, CrossingRider]:
@@ -164,23 +174,20 @@ def _ensemble(
     chosen: Chosen,
     found: Collected,
     tallies: Demands,
-    step: float,
-    seed: int,
-    level: float,
-    engine: str,
-    seconds: Mapping[str, float],
+    inputs: Sequence[Input],
+    known: Mapping[str, Any],
+    twin_given: bool,
 ) -> Ensemble:
     system, moments, controlled = problem.system, found.moments, found.controlled(tallies.all)
-    doubted = [problem.names[row] for row, c in zip(tallies.control_rows, controlled, strict=True) if not c.trusted]
+    doubted = [problem.names[t.target] for t, c in zip(tallies.controls, controlled, strict=True) if not c.trusted]
+    estimates, asked = estimates_of(moments, tallies.controls, controlled), problem.asked
     return Ensemble(
         model=system.model.name,
         states=tuple(s.name for s in system.states),
-        outputs=tuple(system.outputs),
+        outputs=tuple(system.outputs)[: asked - len(system.states)],
         time=problem.times,
         paths=found.paths,
-        seed=seed,
-        step=step,
-        estimates=estimates_of(moments, controlled, tallies.control_rows),
+        estimates=estimates,
         moments=moments,
         step_error=chosen.error,
         diverged=found.diverged,
@@ -188,16 +195,17 @@ def _ensemble(
         histograms=tallies.results(found, tallies.histograms),
         crossings=tallies.results(found, tallies.crossings),
         average=None if tallies.average is None else tallies.results(found, {"": tallies.average})[""],
-        level=level,
+        inputs={each.text: shape_of(each, moments, row) for row, each in enumerate(inputs, asked)},
         run_in=chosen.run_in,
-        engine=engine,
-        seconds=seconds,
-        notes=_notes(chosen, doubted, found),
+        notes=_notes(chosen, doubted, found, problem.twin is None and twin_given),
+        **known,
     )
 
 
-def _notes(chosen: Chosen, doubted: Sequence[str], found: Collected) -> tuple[str, ...]:
+def _notes(chosen: Chosen, doubted: Sequence[str], found: Collected, given_up: bool) -> tuple[str, ...]:
     notes = []
+    if given_up:
+        notes.append("The quasi-linear system explains too little of these paths to save any: they were simulated without it.")
     if chosen.run_in > 0.0:
         notes.append(f"Every path was run in for {chosen.run_in:.3g} at the initial speed before t = 0.")
     if not chosen.reached:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,13 +12,35 @@ import numpy as np
 
 from cadet_sym.errors import ModelError
 from cadet_sym.labelled import Labelled, LabelledCovariance
-from cadet_sym.simulation.statistics import Estimates, Moments, StepError, interval_factor
+from cadet_sym.simulation.inputs import Input
+from cadet_sym.simulation.statistics import Estimates, Moments, StepError
 from cadet_sym.simulation.tallies import Crossings, Histogram, TimeAverage
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["Ensemble"]
+__all__ = ["Ensemble", "InputShape", "shape_of"]
+
+_EXACT = 1e6  # times fewer paths: the system is linear, and nothing is left to chance
+
+
+@dataclass(frozen=True)
+class InputShape:
+    """How far from Gaussian is what enters a nonlinearity: 0 and 0 is what statistical linearisation takes it for."""
+
+    elements: tuple[str, ...]  # declared elements that it enters; none if all are written out in the rates
+    skewness: np.ndarray  # (k,)
+    excess_kurtosis: np.ndarray  # (k,)
+    skewness_standard_error: np.ndarray  # sqrt(6/n), as for a Gaussian
+    excess_kurtosis_standard_error: np.ndarray  # sqrt(24/n)
+
+
+def shape_of(entering: Input, moments: Moments, row: int) -> InputShape:
+    """The shape of one row of moments."""
+    n = np.maximum(moments.count, 1.0)
+    return InputShape(
+        entering.elements, moments.skewness[:, row], moments.kurtosis[:, row] - 3.0, np.sqrt(6.0 / n), np.sqrt(24.0 / n)
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,10 +63,11 @@ class Ensemble:
     moments: Moments  # of the paths alone
     step_error: StepError | None  # None if it was not asked for
     diverged: int  # paths that stopped being finite before the end
-    kept: np.ndarray  # (kept paths, k, n + m): the first paths as they were recorded
+    kept: np.ndarray  # (kept paths, k, n + m and inputs): the first paths as they were recorded
     histograms: Mapping[str, Histogram]
     crossings: Mapping[str, Crossings]
     average: TimeAverage | None  # over time as well, of states, then outputs
+    inputs: Mapping[str, InputShape]  # of all nonlinearities of the rates, by the linear form that enters
     level: float  # of the limits, 0.99
     run_in: float  # time for which every path was run in before t = 0, s
     engine: str  # "numba" or "numpy"
@@ -71,7 +95,7 @@ class Ensemble:
         n = len(self.states)
         covariance = self.moments.covariance.copy()
         covariance[:, range(n), range(n)] = self.estimates.variance[:, :n]
-        return LabelledCovariance(self.states, covariance, self.outputs, self.estimates.variance[:, n:])
+        return LabelledCovariance(self.states, covariance, self.outputs, self.variance.outputs)
 
     @property
     def mean_standard_error(self) -> Labelled:
@@ -115,8 +139,7 @@ class Ensemble:
         """
         if moment not in ("mean", "variance"):
             raise ModelError(f'limits are of "mean" or "variance", not {moment!r}')
-        factor = interval_factor(_checked_level(self.level if level is None else level))
-        return self._labelled(factor * getattr(self.estimates, f"{moment}_standard_error"))
+        return self._labelled(self.estimates.half_width(moment, _checked_level(self.level if level is None else level)))
 
     def mean_limits(self, name: str, level: float | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper limits of the mean of one state or output."""
@@ -134,6 +157,43 @@ class Ensemble:
         with np.errstate(divide="ignore", invalid="ignore"):
             return self._labelled((getattr(self.moments, name) / getattr(self.estimates, name)) ** 2)
 
+    @property
+    def controlled(self) -> tuple[str, ...]:
+        """Outputs and states whose mean or variance is, at some time, estimated with the quasi-linear system's help."""
+        helped = np.any([self.estimates.helped[moment].any(axis=0) for moment in ("mean", "variance")], axis=0)
+        names = (*self.states, *self.outputs)
+        return tuple(name for name in (*self.outputs, *self.states) if helped[names.index(name)])
+
+    def plain_paths(self, name: str) -> float:
+        """How many paths plain simulation needs for limits as narrow, for one state or output.
+
+        Counted where they are widest: a variance's beside the variance, a mean's beside the standard deviation.
+        """
+        k = (*self.states, *self.outputs).index(name)
+        size, worst = self.estimates.variance[:, k], []
+        there = size > 1e-12 * size.max(initial=0.0)
+        if not there.any():
+            return float(self.paths)
+        for found in (self.moments, self.estimates):
+            of_mean = found.mean_standard_error[there, k] / np.sqrt(size[there])
+            worst.append(max(of_mean.max(), (found.variance_standard_error[there, k] / size[there]).max()))
+        return float(self.paths * (worst[0] / worst[1]) ** 2) if worst[1] > 0.0 else math.inf
+
+    @property
+    def method(self) -> str:
+        """How the limits were obtained, and what that saved, in a sentence."""
+        limits = f"{100 * self.level:g} % limits"
+        if not self.controlled:
+            return f"{limits.capitalize()} from the second and fourth moments of {self.paths} paths."
+        name = self.controlled[0]
+        times = self.plain_paths(name) / self.paths
+        linear = "nothing is left to chance, the system being linear"
+        worth = f"as from {times:.2g} times as many plain paths" if times < _EXACT else linear
+        return (
+            f"{limits.capitalize()} by control variates: {self.paths} paths with the quasi-linear system on the same noise, "
+            f"standard errors from {self.estimates.freedom + 1} batches; for {name}, {worth}."
+        )
+
     def path(self, name: str) -> np.ndarray:
         """The kept paths of one state or output, (kept paths, k)."""
         return self._labelled(self.kept)[name]
@@ -150,7 +210,7 @@ class Ensemble:
             data[f"output_{name}"] = (("time", "output"), values.outputs)
         data["covariance"] = (("time", "state", "state_2"), self.covariance.values)
         data["path_states"] = (("path", "time", "state"), self.kept[:, :, :n])
-        data["path_outputs"] = (("path", "time", "output"), self.kept[:, :, n:])
+        data["path_outputs"] = (("path", "time", "output"), self.kept[:, :, n : n + len(self.outputs)])
         names = np.array(self.states, dtype=object)
         return xr.Dataset(
             data,
@@ -178,11 +238,11 @@ class Ensemble:
                 f"  {name}: mean {mean:.5g} +- {self.limit('mean')[name][-1]:.2g}, variance {variance:.5g} "
                 f"+- {self.limit('variance')[name][-1]:.2g} at t = {self.time[-1]:g}"
             )
-        return "\n".join([*lines, *self.notes])
+        return "\n".join([*lines, self.method, *self.notes])
 
     def _labelled(self, values: np.ndarray) -> Labelled:
         n = len(self.states)
-        return Labelled(self.states, values[..., :n], self.outputs, values[..., n:])
+        return Labelled(self.states, values[..., :n], self.outputs, values[..., n : n + len(self.outputs)])
 
     def _of_step(self, moment: str) -> np.ndarray:
         if self.step_error is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -53,9 +53,20 @@ class Problem:
     times : (k,) output times, increasing from 0 or later.
     riders : what is carried along with every path.
     twin : the quasi-linear system along the run, if it is to be carried along, after the other riders.
+    inputs : linear forms in the states that have moments as well, after the outputs.
     """
 
-    def __init__(self, system: AugmentedSystem, times: np.ndarray, riders: Sequence[Rider] = (), twin: Twin | None = None):
+    def __init__(
+        self,
+        system: AugmentedSystem,
+        times: np.ndarray,
+        riders: Sequence[Rider] = (),
+        twin: Twin | None = None,
+        inputs: Sequence[sp.Expr] = (),
+    ):
+        self.asked = len(system.states) + len(system.outputs)  # quantities whose moments were asked for
+        hidden = {f"input {k}": form for k, form in enumerate(inputs)}  # no name of a model holds a space
+        system = replace(system, outputs={**system.outputs, **hidden})
         self.system, self.times, self.twin = system, times, twin
         self.twin_rider = None if twin is None else TwinRider(system)
         self.riders: list[Rider] = [*riders, *([] if self.twin_rider is None else [self.twin_rider])]
@@ -131,7 +142,7 @@ class Problem:
 
     @property
     def quantities(self) -> int:
-        """States and outputs: the first rows of the records; riders follow."""
+        """States, outputs and inputs: the first rows of the records; riders follow."""
         return len(self.names)
 
     def first_row(self, rider: Rider | None) -> int:

@@ -7,13 +7,23 @@ that the result does not depend on who worked out which group, or when.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from statistics import NormalDist
 
 import numpy as np
 
-__all__ = ["Estimates", "Moments", "StepError", "alive", "interval_factor", "moments_of", "step_error_of"]
+__all__ = [
+    "Estimates",
+    "Moments",
+    "StepError",
+    "alive",
+    "interval_factor",
+    "moments_of",
+    "step_error_of",
+    "student_factor",
+]
 
 _BEYOND = 1e60  # a path that goes so far has diverged; fourth powers are still finite
 
@@ -135,6 +145,14 @@ class Estimates:
     variance: np.ndarray
     mean_standard_error: np.ndarray
     variance_standard_error: np.ndarray
+    helped: Mapping[str, np.ndarray]  # "mean" and "variance": (times, k) bool, where they are by control variates
+    freedom: int = 0  # degrees of freedom of the standard errors there
+
+    def half_width(self, moment: str, level: float) -> np.ndarray:
+        """Half-widths of limits, (times, k): normal, or Student's where the standard error is one of few batches."""
+        plain = interval_factor(level)
+        factor = np.where(self.helped[moment], student_factor(level, self.freedom), plain) if self.freedom else plain
+        return np.asarray(factor * getattr(self, f"{moment}_standard_error"))
 
 
 @dataclass(frozen=True)
@@ -177,3 +195,11 @@ def step_error_of(coarse: np.ndarray, fine: np.ndarray) -> StepError:
 def interval_factor(level: float) -> float:
     """How many standard errors either way hold the truth with probability `level`: 2.576 for 0.99."""
     return NormalDist().inv_cdf(0.5 + 0.5 * level)
+
+
+@lru_cache(maxsize=32)
+def student_factor(level: float, freedom: int) -> float:
+    """The same for a standard error that is itself an estimate: 2.708 for 0.99 and 39 degrees of freedom."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(freedom, 0.5 + 0.5 * level))

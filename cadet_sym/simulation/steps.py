@@ -9,7 +9,7 @@ from time import perf_counter
 
 import numpy as np
 
-from cadet_sym.simulation.control import Reference, control_tallies, controlled_step, reference_of
+from cadet_sym.simulation.control import Reference, controlled_step, reference_of
 from cadet_sym.simulation.plan import Problem
 from cadet_sym.simulation.statistics import Moments, StepError, step_error_of
 from cadet_sym.simulation.workers import records_in_parts, records_of
@@ -27,6 +27,7 @@ _RUNAWAY = 300.0  # times the deviation that one path in ten exceeds
 _TOGETHER = 0.5  # of its distance from the others: how far apart the two of a pair may be
 _SHORTEST = 1e-7  # of the run
 _FLOOR = 1e-4  # of a quantity's own size: an error that is not looked into, however many paths there are
+_WORTH = 2.0  # times fewer paths, for the quantity that gains most: with less the twin costs more time than it saves
 _RUN_IN = 7.0  # time constants of the slowest mode
 
 
@@ -37,6 +38,10 @@ class Precision:
     paths: int
     target: float | None = None  # half-width of a variance's limits over the variance, of a mean's over the std
     factor: float = 1.0  # half-width of the limits over the standard error
+
+    def pairs(self, needed: float) -> int:
+        """How many pairs of paths show the step's error, where so many paths are needed: an eighth of them."""
+        return int(min(max(needed / 8.0, _PAIRS[0]), _PAIRS[1]))
 
     def sampling(self, spread: np.ndarray, variance: np.ndarray) -> np.ndarray:
         """Standard errors to come (2, times, k) of mean and variance, from the spread of one path's part in them."""
@@ -54,6 +59,7 @@ class Chosen:
     error: StepError | None = None
     reference: Reference | None = None  # from the paths that showed the error
     reached: bool = True  # whether the error is small beside the sampling error
+    worth: bool = True  # whether the twin saves enough; if not, the step was not looked into
     seconds: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -65,10 +71,12 @@ def choose_step(
     run_in: float | None,
     engine: str,
     check: bool,
+    insist: bool = True,
 ) -> Chosen:
     """Take the step given, or shorten the first choice until its error is below half of the sampling error.
 
-    The error is measured on pairs of paths that share their noise; the run's own paths are others.
+    The error is measured on pairs of paths that share their noise; the run's own paths are others. Unless `insist`,
+    the first of them also tell whether the twin is worth its time.
     """
     whole = problem.system.model.initial.whole
     before = 0.0 if not whole else problem.relaxation_time(_RUN_IN) if run_in is None else float(run_in)
@@ -76,23 +84,26 @@ def choose_step(
     step = step if step is not None else first_step(problem)
     if not check:
         return Chosen(step, before)
-    pairs = min(max(precision.paths // 8, _PAIRS[0]), _PAIRS[1])
+    pairs = precision.pairs(precision.paths)
     seconds = {"compiling": _compile(problem, step, before, engine)}
     began = perf_counter()
     trials: list[_Trial] = []
     while True:
         trials.append(_try(problem, step, before, engine, seed, pairs, precision))
         last = trials[-1]
+        if not insist and not last.lost and last.reference.gain < _WORTH:
+            return Chosen(last.step, before, worth=False)
         no_better = len(trials) > 1 and last.is_no_better_than(trials[-2])
         enough = last.excess <= 1.0 or fixed or len(trials) == _TRIALS
         if enough or no_better or last.step < _SHORTEST * problem.times[-1]:
             break
+        pairs = precision.pairs(last.needed)
         # The error falls with the first or second power of the step.
         step = last.step / min(8.0, max(2.0, last.excess**0.75))
     # Where a shorter step makes pairs no closer, the longest will do whose error does not show.
     best = next((trial for trial in trials if min(trial.excess, trial.bias) <= 1.0), last) if no_better else last
     seconds["step"] = perf_counter() - began
-    return Chosen(best.step, before, best.error, best.reference, min(best.excess, best.bias) <= 1.0, seconds)
+    return Chosen(best.step, before, best.error, best.reference, min(best.excess, best.bias) <= 1.0, seconds=seconds)
 
 
 @dataclass(frozen=True)
@@ -104,6 +115,7 @@ class _Trial:
     reference: Reference
     excess: float
     bias: float
+    needed: float  # paths
     lost: int = 0  # pairs that run apart; where there are any, excess and bias are infinite
 
     def is_no_better_than(self, longer: _Trial) -> bool:
@@ -123,13 +135,15 @@ def _try(problem: Problem, step: float, before: float, engine: str, seed: int, p
     vehicle = problem.system.vehicle_size
     lost = _running_apart(coarse[:, :vehicle], fine[:, :vehicle])
     if lost:
-        return _Trial(float(grid.step.max()), error, reference, math.inf, math.inf, lost)
+        return _Trial(float(grid.step.max()), error, reference, math.inf, math.inf, precision.paths, lost)
     spread = math.sqrt(pairs) * np.stack([moments.mean_standard_error, moments.variance_standard_error])
-    controls = control_tallies(problem, reference)
-    if controls:
-        error, spread = controlled_step(controls, records[1], records[0], error, spread)
-    allowed = _PART * precision.sampling(spread, moments.variance)
-    return _Trial(float(grid.step.max()), error, reference, *_excess(problem, error, moments, allowed))
+    if reference.controls:
+        error, spread = controlled_step(reference.controls, records[1], records[0], error, spread)
+    sampling = precision.sampling(spread, moments.variance)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        needed = float(np.nanmax(np.where(sampling > 0.0, spread / sampling, 0.0), initial=0.0)) ** 2
+    excess, bias = _excess(problem, error, moments, _PART * sampling)
+    return _Trial(float(grid.step.max()), error, reference, excess, bias, needed)
 
 
 def _running_apart(coarse: np.ndarray, fine: np.ndarray) -> int:
@@ -162,12 +176,13 @@ def first_step(problem: Problem) -> float:
 
 
 def _excess(problem: Problem, error: StepError, moments: Moments, allowed: np.ndarray) -> tuple[float, float]:
-    """Step error over what is allowed, for the worst quantity and time: with its doubt, and where it stands out of it.
+    """Step error over what is allowed, for the worst quantity: with its doubt, and where it stands out of it.
 
-    Filter states are exact and not looked at.
+    Doubt differs from time to time by chance, so its mean square over the run counts; what stands out of it counts
+    wherever it is worst. Filter states are exact and not looked at.
     """
     n, vehicle = len(problem.system.states), problem.system.vehicle_size
-    judged = np.r_[0:vehicle, n : problem.quantities]
+    judged = np.r_[0:vehicle, n : problem.asked]
     size = np.sqrt(np.nanmean(moments.mean**2 + moments.variance, axis=0))
     excess = bias = 0.0
     for found, doubt, limit, floor in (
@@ -176,7 +191,9 @@ def _excess(problem: Problem, error: StepError, moments: Moments, allowed: np.nd
     ):
         limit = np.hypot(limit, _FLOOR * floor)[:, judged]
         there = limit > 0.0
-        found, doubt = (part[:, judged][there] / limit[there] for part in (np.abs(found), doubt))
-        excess = max(excess, float(np.hypot(found, doubt).max(initial=0.0)))
+        limit = np.where(there, limit, 1.0)
+        found, doubt = (np.where(there, part[:, judged], 0.0) / limit for part in (np.abs(found), doubt))
+        square = np.where(there, found**2 + doubt**2, 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
+        excess = max(excess, float(np.sqrt(square).max(initial=0.0)))
         bias = max(bias, float(np.where(found > _STANDS_OUT * doubt, found, 0.0).max(initial=0.0)))
-    return excess, bias
+    return max(excess, bias), bias
