@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from typing import Literal
 
 import numpy as np
 
 from cadet_sym.errors import ModelError
 
-__all__ = ["one_set_each", "parse_range", "parse_setting", "parse_sweep", "parse_times"]
+__all__ = ["one_set_each", "parse_paths", "parse_range", "parse_setting", "parse_sweep", "parse_times"]
 
 SETTING = re.compile(r"[^\W\d]\w*=.+")
 
@@ -32,6 +33,19 @@ def parse_setting(text: str) -> tuple[str, str]:
     if not (equals and name.strip() and value.strip()):
         raise ModelError(f"--set {text}: expected NAME=VALUE, as in --set r=1")
     return name.strip(), value.strip()
+
+
+def parse_paths(text: str, target: float | None, time_limit: float | None) -> int | Literal["auto"]:
+    """A number of paths, or "auto", to which alone a target and a time limit belong."""
+    if text == "auto":
+        return "auto"
+    for option, value in (("--target", target), ("--time-limit", time_limit)):
+        if value is not None:
+            raise ModelError(f"{option} {value:g}: it says when there are enough paths; give --paths auto with it")
+    try:
+        return int(text)
+    except ValueError:
+        raise ModelError(f"--paths {text}: expected a whole number or auto") from None
 
 
 def parse_times(text: str) -> list[float]:

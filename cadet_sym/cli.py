@@ -17,7 +17,7 @@ import numpy as np
 import typer
 
 import cadet_sym as cs
-from cadet_sym.arguments import one_set_each, parse_range, parse_setting, parse_sweep, parse_times
+from cadet_sym.arguments import one_set_each, parse_paths, parse_range, parse_setting, parse_sweep, parse_times
 from cadet_sym.errors import CadetError, ModelError, SolverError
 from cadet_sym.files import DATA_SUFFIXES, FIGURE_SUFFIXES, check_target
 from cadet_sym.results import StationarySolutions, StationarySweep
@@ -207,20 +207,41 @@ def optimise(
 def validate(
     model: ModelPath,
     settings: Settings = None,
-    paths: Annotated[int, typer.Option(metavar="N", help="Realisations to simulate.")] = 2000,
+    paths: Annotated[str, typer.Option(metavar="N|auto", help="Realisations to simulate.")] = "2000",
     seed: Annotated[int, typer.Option(metavar="N", help="The same seed gives the same paths.")] = 0,
+    control: Annotated[
+        bool | None,
+        typer.Option("--control/--plain", help="Use the quasi-linear system as control variate; if it helps, if not given."),
+    ] = None,
+    target: Annotated[
+        float | None, typer.Option(metavar="R", help="With --paths auto: relative half-width of limits, 0.01.")
+    ] = None,
+    time_limit: Annotated[
+        float | None, typer.Option(metavar="S", help="With --paths auto: seconds there are for it.")
+    ] = None,
     as_json: Json = False,
     plot: Plot = None,
 ) -> None:
     """Set the moments against a Monte Carlo simulation of the original nonlinear model."""
     _check_targets((plot, FIGURE_SUFFIXES))
+    count = parse_paths(paths, target, time_limit)
     watch = _Stopwatch()
     with _computing():
-        compiled = _compile(model, settings)
+        declared = _load(model, settings)
+        compiled = cs.compile(declared)
         watch.lap("compiling")
         history = compiled.propagate()
         watch.lap("CADET")
-        simulation = cs.simulate(compiled.model, paths=paths, seed=seed, progress=sys.stderr.isatty())
+        short = None
+        try:
+            simulation = cs.simulate(
+                compiled, count, seed=seed, control=control, target=target or 0.01, time_limit=time_limit,
+                progress=sys.stderr.isatty(),
+            )  # fmt: skip
+        except SolverError as error:
+            short, simulation = error, error.details.get("partial")
+            if simulation is None or simulation.diverged == simulation.paths:
+                raise
         watch.lap("simulation")
         comparison = cs.compare(history, simulation)
         if plot:
@@ -233,6 +254,8 @@ def validate(
 
         print_comparison(comparison, watch.laps)
         _print_written(plot)
+    if short is not None:  # what was obtained is told; the wish was not met
+        raise short
 
 
 @app.command()

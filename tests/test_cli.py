@@ -224,7 +224,7 @@ def judged(tmp_path_factory):
 
 def test_validate_has_the_shape_of_the_contract(judged):
     found, _, _ = judged
-    keys = ["model", "states", "time", "paths", "cadet", "monte_carlo", "outputs", "verdict"]
+    keys = ["model", "states", "time", "paths", "cadet", "monte_carlo", "outputs", "verdict", "inputs", "method", "notes"]
     assert list(found) == keys
     k, n = len(found["time"]), len(found["states"])
     simulated = ("mean", "variance", "mean_standard_error", "variance_standard_error")
@@ -259,6 +259,33 @@ def test_validate_prints_the_table_the_sentences_and_the_times(judged):
     for part in ("compiling", "CADET", "simulation", "figure"):
         assert part in text.splitlines()[-2]
     assert figure.read_bytes().startswith(b"\x89PNG")
+
+
+def test_validate_simulates_until_the_limits_are_as_wanted_and_says_what_it_saved(run, run_json):
+    common = ["validate", "models/oleo_constant_speed.toml", "--paths", "auto", "--target", "0.05", "--set", "r=0.1"]
+    found = run_json(*common)
+    se = np.array(found["outputs"]["closure"]["monte_carlo"]["variance_standard_error"][1:])
+    variance = np.array(found["outputs"]["closure"]["monte_carlo"]["variance"][1:])
+    assert (2.7 * se < 0.051 * variance).all()
+    assert "control variates" in found["method"]
+    assert "times as many plain paths" in found["method"]
+    oleo = found["inputs"]["v"]
+    assert oleo["elements"] == ["oleo"]
+    assert abs(oleo["skewness"][-1]) < 0.5
+
+
+def test_validate_can_simulate_plainly(run):
+    status, out, _ = run("validate", DUFFING, "--paths", "200", "--plain")
+    assert status == 0
+    assert "99 % limits from the second and fourth moments of 200 paths." in out
+
+
+def test_a_target_out_of_reach_shows_what_was_obtained(run):
+    common = ["validate", DUFFING, "--plain", "--paths", "auto", "--target", "1e-4", "--time-limit", "0.01"]
+    status, out, err = run(*common)
+    assert status == 1
+    assert "2048 simulated paths" in out
+    assert "the limits wanted, 0.0001, were not reached in 0.01 s: with 2048 paths" in err
 
 
 def test_python_dash_m_is_the_same_command(run_json, capsys, monkeypatch):

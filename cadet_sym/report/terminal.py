@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
@@ -71,12 +72,15 @@ def print_comparison(comparison: Comparison, seconds: Mapping[str, float]) -> No
         highlight=False,
     )
     console.print(comparison.table())
+    console.print(verdict_table(comparison))
+    if simulation.inputs:
+        console.print(input_table(simulation))
     shown = comparison.history.outputs or comparison.history.states
     for name in shown:
-        console.print(comparison.verdict[name].text, highlight=False)
-    console.print(comparison.of_states, highlight=False)
-    for note in simulation.notes:
-        console.print(note, highlight=False)
+        console.print(comparison.verdict[name].text, highlight=False, soft_wrap=True)
+    console.print(comparison.of_states, highlight=False, soft_wrap=True)
+    for note in (simulation.method, *simulation.notes):
+        console.print(note, highlight=False, soft_wrap=True)
     parts = ", ".join(f"{part} {value:.2f} s" for part, value in seconds.items())
     inner = ", ".join(f"{part} {value:.2f} s" for part, value in simulation.seconds.items())
     console.print(f"Time: {parts} (of the simulation: {inner}).", highlight=False)
@@ -138,6 +142,43 @@ def comparison_table(comparison: Comparison, names: Sequence[str], rows: int) ->
                 "" if np.isnan(verdict.discrepancy) else _percent(verdict.discrepancy, verdict.limit),
                 end_section=i == rows - 1,
             )
+    return table
+
+
+def verdict_table(comparison: Comparison) -> Table:
+    """Every output and state at the end of the run, and where its variance is surely furthest off."""
+    end = f"t = {comparison.history.time[-1]:g}"
+    table = _table(end, "variance", "simulated", "discrepancy", "step error", "over the run", "t", "mean")
+    for name, verdict in comparison.verdict.items():
+        if math.isnan(verdict.discrepancy):
+            continue
+        worst = verdict.worst or (math.nan, math.nan, math.nan)
+        table.add_row(
+            name,
+            _at(comparison.history, "variance", name, -1),
+            _limited(comparison.simulation, "variance", name, -1),
+            _percent(verdict.discrepancy, verdict.limit),
+            "" if math.isnan(verdict.step_error) else f"{verdict.step_error:.1g} %",
+            _percent(worst[0], worst[1]),
+            f"{worst[2]:.4g}",
+            f"{_percent(verdict.mean_discrepancy, verdict.mean_limit)} of std",
+        )
+    return table
+
+
+def input_table(simulation: Ensemble) -> Table:
+    """What enters the nonlinearities: how far from Gaussian, at the end of the run and at most."""
+    table = _table("input", "enters", "skewness", "excess kurtosis", "largest skewness", "largest kurtosis")
+    for text, shape in simulation.inputs.items():
+        cells = []
+        for found, error in (
+            (shape.skewness, shape.skewness_standard_error),
+            (shape.excess_kurtosis, shape.excess_kurtosis_standard_error),
+        ):
+            number, half = rounded(float(found[-1]), 2.58 * float(error[-1]))
+            extreme = found[np.nanargmax(np.abs(found))] if np.isfinite(found).any() else math.nan
+            cells.append((f"{'0' if float(number) == 0.0 else number} ± {half}", f"{extreme:.2f}"))
+        table.add_row(text, ", ".join(shape.elements), *(a for a, _ in cells), *(b for _, b in cells))
     return table
 
 

@@ -5,6 +5,7 @@ The judge of what the rest of the package computes: nothing of linearisation or 
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
@@ -33,6 +34,7 @@ from cadet_sym.simulation.workers import Task, records_in_parts
 __all__ = ["simulate"]
 
 Progress = Callable[[int], Any]
+_PART = 0.4  # of the time there is: what the choice of a step may take
 _LOOK = 256  # paths from which places and sizes are taken where no step's error was measured
 
 
@@ -117,7 +119,7 @@ def simulate(
     factor = interval_factor(level)
     goal = Goal(None if auto else paths, target, _watched(problem, watch), level, time_limit)  # type: ignore[arg-type]
     seconds = {"preparing": perf_counter() - began}
-    precision = Precision(goal.paths or 2048, target if auto else None, factor)
+    precision = Precision(goal.paths or 2048, target if auto else None, factor, _PART * (time_limit or math.inf))
     chosen = choose_step(problem, precision, seed, step, run_in, engine, check_step, insist)
     if not chosen.worth:
         problem = Problem(system, at, riders, inputs=forms)

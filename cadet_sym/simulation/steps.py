@@ -38,6 +38,7 @@ class Precision:
     paths: int
     target: float | None = None  # half-width of a variance's limits over the variance, of a mean's over the std
     factor: float = 1.0  # half-width of the limits over the standard error
+    seconds: float = math.inf  # for the choice of a step
 
     def pairs(self, needed: float) -> int:
         """How many pairs of paths show the step's error, where so many paths are needed: an eighth of them."""
@@ -89,6 +90,7 @@ def choose_step(
     began = perf_counter()
     trials: list[_Trial] = []
     while True:
+        started = perf_counter()
         trials.append(_try(problem, step, before, engine, seed, pairs, precision))
         last = trials[-1]
         if not insist and not last.lost and last.reference.gain < _WORTH:
@@ -97,9 +99,12 @@ def choose_step(
         enough = last.excess <= 1.0 or fixed or len(trials) == _TRIALS
         if enough or no_better or last.step < _SHORTEST * problem.times[-1]:
             break
-        pairs = precision.pairs(last.needed)
         # The error falls with the first or second power of the step.
-        step = last.step / min(8.0, max(2.0, last.excess**0.75))
+        more, shorter = precision.pairs(last.needed), min(8.0, max(2.0, last.excess**0.75))
+        now = perf_counter()
+        if now - began + (now - started) * shorter * more / pairs > precision.seconds:
+            break
+        pairs, step = more, last.step / shorter
     # Where a shorter step makes pairs no closer, the longest will do whose error does not show.
     best = next((trial for trial in trials if min(trial.excess, trial.bias) <= 1.0), last) if no_better else last
     seconds["step"] = perf_counter() - began
