@@ -24,6 +24,7 @@ Array = npt.NDArray[np.float64]
 FIRST = 1e-15  # of the duration: the first step
 LAST = 1e-9  # of the duration: where the run proper begins
 JUMP = 0.01  # of a rate: a larger change from t = 0, and none since, is a jump
+ROUNDING = 1e-6  # of correlations
 STEADY = 0.01  # of a rate: what it may change by while the time doubles
 
 
@@ -50,7 +51,17 @@ def past_onset(lowered: MomentFunctions, y: Array, p: Array, duration: float) ->
     before, late, last = rates[0], rates[-2], rates[-1]
     # a rate that grows from zero, or is fast, changes as the time doubles
     steady = np.abs(last - late) <= STEADY * np.abs(last)
-    return (time, y) if np.any(steady & (np.abs(last - before) > JUMP * np.abs(last))) else None
+    jumps = np.any(steady & (np.abs(last - before) > JUMP * np.abs(last)))
+    return (time, y) if jumps and _is_covariance(lowered.facts.packing.unpack(y)[1]) else None
+
+
+def _is_covariance(P: Array) -> bool:
+    """Whether the correlations are possible ones, however small the variances."""
+    if not np.all(np.diag(P) >= 0):
+        return False
+    size = np.sqrt(np.diag(P))
+    unit = np.where(size > 0, size, 1.0)
+    return bool(np.linalg.eigvalsh(P / np.outer(unit, unit))[0] > -ROUNDING)
 
 
 def _step(rate: Callable[[float, Array], Array], time: float, y: Array, h: float) -> Array:
