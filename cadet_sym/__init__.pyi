@@ -43,6 +43,7 @@ from .optimisation import trade_off as trade_off
 from .report import Comparison as Comparison
 from .report import compare as compare
 from .results import MomentHistory as MomentHistory
+from .results import PeriodicMoments as PeriodicMoments
 from .results import StationaryMoments as StationaryMoments
 from .simulation import Ensemble as Ensemble
 from .sweeps import Sweep as Sweep

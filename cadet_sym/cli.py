@@ -20,7 +20,7 @@ import cadet_sym as cs
 from cadet_sym.arguments import one_set_each, parse_paths, parse_range, parse_setting, parse_sweep, parse_times
 from cadet_sym.errors import CadetError, ModelError, SolverError
 from cadet_sym.files import DATA_SUFFIXES, FIGURE_SUFFIXES, check_target
-from cadet_sym.results import StationarySolutions, StationarySweep
+from cadet_sym.results import PeriodicMoments, StationarySolutions, StationarySweep
 
 if TYPE_CHECKING:
     from cadet_sym.compiled import CompiledModel
@@ -69,12 +69,17 @@ def moments(
     duration: Duration = None,
     points: Points = None,
     times: Annotated[str | None, typer.Option(metavar="T1,T2,...", help="Output times instead.")] = None,
+    period: Annotated[
+        float | None, typer.Option(metavar="T", help="One period of moments that repeat with it, instead of the run.")
+    ] = None,
     rtol: RelativeTolerance = None,
     as_json: Json = False,
     save: Save = None,
     plot: Plot = None,
 ) -> None:
     """Propagate mean and covariance over the model's run."""
+    if period is not None and not (times is None and duration is None and rtol is None):
+        raise ModelError("--period shows one period from 0 on; leave out --times, --duration and --rtol")
     _check_targets((save, DATA_SUFFIXES), (plot, FIGURE_SUFFIXES))
     grid = None if times is None else parse_times(times)
     if grid is not None and (duration is not None or points is not None):
@@ -83,7 +88,10 @@ def moments(
         raise ModelError(f"--duration {duration:g}: expected a length of time above zero")
     with _computing():
         compiled = _compile(model, settings)
-        history = compiled.propagate(grid, duration=duration, points=points, rtol=rtol)
+        if period is not None:
+            history = compiled.periodic(period, points=points or 101)
+        else:
+            history = compiled.propagate(grid, duration=duration, points=points, rtol=rtol)
         if save:
             history.save(save)
         if plot:
@@ -96,6 +104,8 @@ def moments(
         from cadet_sym.report.terminal import print_history
 
         print_history(history)
+        if isinstance(history, PeriodicMoments):
+            print(str(history).splitlines()[-1])
         _print_written(save, plot)
 
 

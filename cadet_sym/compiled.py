@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
@@ -17,7 +17,7 @@ from cadet_sym.errors import ModelError, SolverError
 from cadet_sym.lowering.facts import Declaration
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.packing import Packing
-from cadet_sym.results import MomentHistory, Provenance, StationaryMoments, StationarySolutions
+from cadet_sym.results import MomentHistory, PeriodicMoments, Provenance, StationaryMoments, StationarySolutions
 from cadet_sym.solve.breakpoints import find_breakpoints
 from cadet_sym.solve.evaluate import over_time
 from cadet_sym.solve.start import profile_mean
@@ -209,6 +209,49 @@ class CompiledModel:
                 error.partial = error.details["partial"] = self._history(partial, start.p, {})  # type: ignore[attr-defined]
             raise
         return self._history(trajectory, start.p, self._wheel_error(trajectory, start.p))
+
+    def periodic(
+        self,
+        period: float,
+        *,
+        points: int = 101,
+        parameters: Mapping[str, float] | None = None,
+    ) -> PeriodicMoments:
+        """Find moments that repeat with a period, where the rates do: harmonic forcing, parametric excitation.
+
+        Shooting with the monodromy matrix of the moment equations, for small systems; the start is the model's own.
+
+        Parameters
+        ----------
+        period : with which every coefficient repeats.
+        points : output times from 0 to the period, both ends.
+        parameters : values in place of the declared ones.
+
+        Raises
+        ------
+        ModelError
+            If the rates do not repeat with this period, or the system is too large.
+        SolverError
+            If no cycle was found: the largest Floquet multiplier says why.
+        """
+        from cadet_sym.solve.periodic import find_cycle
+
+        p = self.parameter_vector(parameters)
+        values = dict(zip(self.parameters, p.tolist(), strict=True))
+        begin = Start(self.initial(values), p, self.breakpoints(p, period) if period > 0 else ())
+        cycle = find_cycle(self.functions, begin, period)
+        grid = np.linspace(0.0, period, points)
+        trajectory = integrate(self.functions, Start(cycle.y, p, begin.breakpoints), grid, rtol=1e-9)
+        more = {"newton steps": float(cycle.steps), "periods marched": float(cycle.periods)}
+        history = self._history(trajectory, p, more)
+        record = {each.name: getattr(history, each.name) for each in fields(history)}
+        return PeriodicMoments(
+            **record,
+            period=float(period),
+            stable=cycle.stable,
+            multipliers=cycle.multipliers,
+            residual=cycle.residual,
+        )
 
     def gradient(
         self,

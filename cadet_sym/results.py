@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 __all__ = [
     "MomentHistory",
     "NamedMoments",
+    "PeriodicMoments",
     "Provenance",
     "StationaryMoments",
     "StationarySolutions",
@@ -233,6 +234,32 @@ class MomentHistory(NamedMoments):
         title = f"Moments of {self.model}, at the end of {len(self.time)} times"
         rows = self._last_rows() if len(self.time) else []
         return html(title, ["", "mean", "variance", "std"], rows, provenance_line(self.provenance))
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodicMoments(MomentHistory):
+    """One period of moments that repeat, from t = 0 on."""
+
+    period: float
+    stable: bool  # whether the moments return to the cycle from near by
+    multipliers: np.ndarray  # complex Floquet multipliers of the moment equations, the largest first
+    residual: float  # by how much a period changes the moments, over their sizes
+
+    def to_dict(self) -> dict[str, Any]:
+        """What ``cadet-sym moments --period --json`` prints."""
+        largest = plain(np.abs(self.multipliers[0]))
+        more = {"period": self.period, "stable": self.stable, "largest_multiplier": largest, "residual": self.residual}
+        return super().to_dict() | more
+
+    def to_xarray(self) -> xr.Dataset:
+        """The period as a data set; see `MomentHistory.to_xarray`."""
+        more = {"period": self.period, "stable": int(self.stable), "largest multiplier": abs(self.multipliers[0])}
+        return super().to_xarray().assign_attrs(more)
+
+    def __str__(self) -> str:
+        largest = abs(self.multipliers[0])
+        state = f"{'stable' if self.stable else 'unstable'}, largest Floquet multiplier {largest:.4g}"
+        return f"{super().__str__()}\none period of {self.period:g}; {state}"
 
 
 @dataclass(frozen=True, eq=False)
