@@ -245,6 +245,7 @@ class CompiledModel:
         more = {"newton steps": float(cycle.steps), "periods marched": float(cycle.periods)}
         history = self._history(trajectory, p, more)
         record = {each.name: getattr(history, each.name) for each in fields(history)}
+        record["derivatives"] = None  # those of the run are not those of the cycle
         return PeriodicMoments(
             **record,
             period=float(period),

@@ -7,7 +7,7 @@ Arrays are read-only; a value that does not exist is NaN here and ``null`` in JS
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -240,6 +240,7 @@ class MomentHistory(NamedMoments):
 class PeriodicMoments(MomentHistory):
     """One period of moments that repeat, from t = 0 on."""
 
+    _: KW_ONLY
     period: float
     stable: bool  # whether the moments return to the cycle from near by
     multipliers: np.ndarray  # complex Floquet multipliers of the moment equations, the largest first

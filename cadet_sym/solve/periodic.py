@@ -124,7 +124,7 @@ def _march(lowered: MomentFunctions, start: Start, period: float) -> tuple[Array
 def _period(lowered: MomentFunctions, start: Start, y: Array, period: float, size: Array) -> tuple[Array, Array]:
     """Phi(y) and M."""
     begin = Start(y, start.p, start.breakpoints)
-    ends, slopes = forward(lowered, begin, np.diag(size), [-1] * len(y), size, np.array([period]))
+    ends, slopes = forward(lowered, begin, np.diag(size), [-1] * len(y), size, np.array([period]), {})
     return ends[0], slopes[0] / size
 
 
