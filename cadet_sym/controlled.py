@@ -7,6 +7,7 @@ g = E[f] - N m, m and P being the moments that `propagate` finds.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -35,6 +36,7 @@ Array = npt.NDArray[np.float64]
 POINTS = 2000  # of the moments between which gains are interpolated, over a run
 RTOL = 1e-8  # of these moments
 EDGE = 1e-9  # of a stretch: how far inside it speed and ground are taken at its ends
+FIRST, GROWTH = 1e-8, 1.2  # of a stretch: where its first moments are taken, and by what the next are farther from its start
 
 
 class Options(TypedDict, total=False):
@@ -137,6 +139,16 @@ def twin_of(compiled: CompiledModel, times: Array) -> Twin:
     return Twin(linearised, history.state_mean[at], history.state_covariance[at])
 
 
+def _knots(start: float, end: float, count: int) -> Array:
+    """Times between which gains are interpolated: even, and ever closer to the start.
+
+    Where a jump meets no variance, as friction does at rest, its gain grows like 1/sqrt(t - start) towards it.
+    """
+    even = np.linspace(0.0, 1.0, count)[1:]
+    close = FIRST * GROWTH ** np.arange(math.log(even[0] / FIRST) / math.log(GROWTH))
+    return start + (end - start) * np.concatenate([close[close < 0.9 * even[0]], even])
+
+
 class _Linearised:
     """Times -> N and g of the vehicle's rates, interpolated between `POINTS` of a run, stretch by stretch."""
 
@@ -148,7 +160,7 @@ class _Linearised:
         self.vehicle, self.states = system.vehicle_size, len(system.states)
         self.motion = Problem(system, times).motion
         self.edges = np.unique([0.0, *compiled.breakpoints(self.p, end), end])
-        stretches = [np.linspace(a, b, max(8, int(POINTS * (b - a) / end))) for a, b in pairwise(self.edges)]
+        stretches = [_knots(a, b, max(8, int(POINTS * (b - a) / end))) for a, b in pairwise(self.edges)]
         self.history = compiled.propagate(np.unique(np.concatenate([*stretches, times])), rtol=RTOL)
         self.splines = [CubicSpline(part, self._gains(part)) for part in stretches]
 
@@ -157,7 +169,7 @@ class _Linearised:
         which = np.clip(np.searchsorted(self.edges, time, side="right") - 1, 0, len(self.splines) - 1)
         found = np.empty((len(time), self.vehicle, self.states + 1))
         for k, spline in enumerate(self.splines):
-            found[which == k] = spline(time[which == k])
+            found[which == k] = spline(np.clip(time[which == k], spline.x[0], spline.x[-1]))
         return found[:, :, :-1], found[:, :, -1]
 
     def _gains(self, stretch: Array) -> Array:
@@ -165,8 +177,7 @@ class _Linearised:
         packing, at = self.compiled.equations.packing, np.searchsorted(self.history.time, stretch)
         mean, covariance = self.history.state_mean[at], self.history.state_covariance[at]
         y = np.stack([packing.pack(m, P) for m, P in zip(mean, covariance, strict=True)], axis=1)
-        inset = EDGE * (stretch[-1] - stretch[0])
-        time = np.clip(stretch, stretch[0] + inset, stretch[-1] - inset)
+        time = np.minimum(stretch, stretch[-1] - EDGE * (stretch[-1] - stretch[0]))
         ctx = np.stack([time, self.motion.distance(time), self.motion.speed(time), self.motion.rate(time)])
         p = np.repeat(self.p[:, None], len(time), axis=1)
         N, rate = (part.full() for part in self._function().map(len(time))(y, ctx, p))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 
 import numpy as np
 import pytest
@@ -10,8 +11,8 @@ from reference_models import oleo, oscillator, toml, value
 
 import cadet_sym as cs
 from cadet_sym.augmentation import augment
-from cadet_sym.controlled import twin_of
-from cadet_sym.errors import ModelError, SolverError
+from cadet_sym.controlled import Options, twin_of
+from cadet_sym.errors import CadetError, ModelError, SolverError
 from cadet_sym.simulation import simulate
 from cadet_sym.simulation.plan import Problem
 from cadet_sym.simulation.riders import CrossingRider
@@ -40,6 +41,53 @@ def test_the_twin_saves_most_of_the_paths_and_tells_the_same_truth(figure_2):
     plain = run.moments
     assert (np.abs(run.estimates.mean - plain.mean) < 5 * plain.mean_standard_error).all()
     assert (np.abs(run.estimates.variance - plain.variance) < 5 * plain.variance_standard_error).all()
+
+
+def test_the_twin_saves_where_the_undercarriage_accelerates():
+    run = cs.simulate(oleo("R43C"), 1500, times=[4.0, 10.0], seed=1, step=2e-3, check_step=False, control=True)
+    assert (run.saved("variance")["x"] > (30, 6)).all()
+    assert (run.saved("mean")["x"] > 100).all()
+    for at, t in enumerate((4.0, 10.0)):
+        truth = row("R43Cx", t)
+        for moment, key in (("mean", "mean"), ("variance", "var")):
+            se = np.hypot(getattr(run, f"{moment}_standard_error")["x"][at], truth[f"se_{key}"])
+            assert abs(getattr(run, moment)["x"][at] - truth[key]) < 4 * se + 2e-3 * truth[key] ** 2
+    assert run.controlled[:1] == ("closure",)
+    assert "control variates" in run.method
+    assert run.plain_paths("x") > 6 * 1500
+
+
+def test_friction_that_starts_from_rest_has_a_twin():
+    """The gain of a jump grows like 1/sqrt(t) towards a start without variance."""
+    model = oscillator("-v - 0.3*sign(v)", Q=0.5, scalar=True)
+    run = cs.simulate(model, 2000, times=[0.1, 1.0], step=0.01, check_step=False, control=True)
+    assert run.notes == ()
+    assert (run.saved("variance")["v"] > 5).all()
+    plain = run.moments
+    assert (np.abs(run.estimates.variance - plain.variance) < 4 * plain.variance_standard_error).all()
+
+
+def test_the_twin_is_left_where_it_saves_nothing():
+    """Lightly damped strong stiffness: after some periods the paths have forgotten their twins."""
+    model = oscillator("-0.1*v - x - x**3", Q=0.2)
+    run = cs.simulate(model, 400, times=[20.0, 30.0])
+    assert run.controlled == ()
+    assert any("explains too little" in note for note in run.notes)
+    assert "second and fourth moments" in run.method
+    assert cs.simulate(model, 400, times=[20.0, 30.0], step=0.05, control=True).method
+
+
+def test_a_model_without_expectations_is_simulated_plainly():
+    model = oscillator("-v/(1 + v) - v", Q=0.01, scalar=True)
+    run = cs.simulate(model, 200, times=[0.5], step=0.05)
+    assert any("Simulated without the quasi-linear system:" in note for note in run.notes)
+    with pytest.raises(CadetError):
+        cs.simulate(model, 200, times=[0.5], step=0.05, control=True)
+
+
+def test_options_of_simulate_are_those_of_the_engine():
+    arguments = inspect.signature(simulate).parameters
+    assert set(Options.__annotations__) == set(arguments) - {"model", "paths", "twin", "insist"}
 
 
 def test_an_output_that_is_not_linear_is_helped_too(figure_2):
@@ -141,12 +189,15 @@ def test_numpy_and_numba_carry_the_same_riders():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seeds", [200])
-def test_controlled_estimates_are_unbiased(figure_2, seeds):
-    truth = row("R41Cx", 3.0)
-    twin = twin_of(figure_2, np.array([3.0]))
-    runs = [simulate(figure_2.model, 400, times=[3.0], step=0.005, seed=s, check_step=False, twin=twin) for s in range(seeds)]
+@pytest.mark.parametrize(("case", "t", "step"), [("R41C", 3.0, 0.005), ("R43C", 4.0, 5e-4)])
+def test_controlled_estimates_are_unbiased_and_their_limits_hold(case, t, step):
+    seeds, truth, compiled = 200, row(f"{case}x", t), cs.compile(oleo(case))
+    twin = twin_of(compiled, np.array([t]))
+    runs = [simulate(compiled.model, 400, times=[t], step=step, seed=s, check_step=False, twin=twin) for s in range(seeds)]
     for moment, key in (("mean", "mean"), ("variance", "var")):
         values = np.array([getattr(r, moment)["x"][0] for r in runs])
         error = np.hypot(values.std(ddof=1) / np.sqrt(seeds), truth[f"se_{key}"])
+        print(f"{moment}: {values.mean():.6g}, true {truth[key]:.6g}, {(values.mean() - truth[key]) / error:+.2f} errors")
         assert abs(values.mean() - truth[key]) < 2 * error
+        inside = sum(abs(r.limit(moment)["x"][0]) > abs(getattr(r, moment)["x"][0] - values.mean()) for r in runs)
+        assert 194 <= inside <= 200

@@ -88,9 +88,11 @@ class ControlTally:
 
     def gains(self, records: np.ndarray) -> np.ndarray:
         """How many times smaller the twin makes the variance of the estimates of mean and variance, (2, times)."""
+        there = alive(records)
+        if (there.sum(axis=1) < 0.5 * there.shape[1]).any():  # the twin runs away
+            return np.ones((2, len(there)))
         left = self.left_over(records, records)[:, 0]
         X = (records[:, self.target] - self.centre[:, None]) / self.unit[:, None]
-        there = alive(records)
         plain, rest = (np.nanvar(np.where(there, part, np.nan), axis=-1) for part in (np.stack([X, X * X]), left))
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(plain > 0.0, plain / rest, 1.0)
@@ -102,8 +104,7 @@ class ControlTally:
 
     def sums(self, records: np.ndarray, first: int) -> np.ndarray:
         """(batches, times, size, size), from records (times, rows, paths) that begin with path number `first`."""
-        with np.errstate(over="ignore", invalid="ignore"):  # of paths that diverged, left out in the end
-            v = self._vectors(records)
+        v = self._vectors(records)
         total = np.zeros((BATCHES, len(v), self.size, self.size))
         for lag in range(min(BATCHES, v.shape[2])):
             part = v[:, :, lag::BATCHES]
@@ -112,6 +113,8 @@ class ControlTally:
 
     def _vectors(self, records: np.ndarray) -> np.ndarray:
         """(times, size, paths): 1, X, X^2 and the controls, zero for paths that diverged."""
+        there = alive(records)[:, None, :]
+        records = np.where(there, records, 0.0)
         X = (records[:, self.target] - self.centre[:, None]) / self.unit[:, None]
         rows = [np.ones_like(X), X, X * X]
         ground = records[:, self.vehicle : self.states]
@@ -125,7 +128,7 @@ class ControlTally:
             one = np.where(np.isfinite(scale), 1.0, 0.0)
             rows += [u, v, u * u - one, u * v, u**3 - 3.0 * u, u**4 - 6.0 * u * u + 3.0 * one]
         vectors = np.stack(rows, axis=1)
-        return np.where(alive(records)[:, None, :], vectors, 0.0)
+        return np.where(there, vectors, 0.0)
 
     def left_over(self, coarse: np.ndarray, fine: np.ndarray) -> np.ndarray:
         """What the controls leave of one path's part in mean and variance, for two records of the same paths.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import sympy as sp
@@ -26,12 +27,22 @@ class Input:
 def inputs_of(system: AugmentedSystem) -> tuple[Input, ...]:
     """The inputs of all nonlinearities of the vehicle's rates, in the order in which they are met."""
     found: dict[sp.Expr, list[str]] = {}
-    states = system.states
     for rate in system.drift[: system.vehicle_size]:
-        for term in sp.Add.make_args(rate):
-            if not is_affine(term, states):
-                _look_into(term, states, "", found)
+        for term in _nonlinear_terms(rate, system.states):
+            _look_into(term, system.states, "", found)
     return tuple(Input(unparse(form), form, tuple(dict.fromkeys(filter(None, names)))) for form, names in found.items())
+
+
+def _nonlinear_terms(rate: sp.Expr, states: tuple[sp.Symbol, ...]) -> Iterator[sp.Expr]:
+    """The terms that are not linear, also within a sum that is multiplied by what does not depend on the path."""
+    if is_affine(rate, states):
+        return
+    moving = [part for part in rate.args if part.free_symbols & set(states)]
+    if rate.is_Add or (rate.is_Mul and len(moving) == 1):
+        for part in moving:
+            yield from _nonlinear_terms(part, states)
+    else:
+        yield rate
 
 
 def _look_into(node: sp.Basic, states: tuple[sp.Symbol, ...], element: str, found: dict[sp.Expr, list[str]]) -> None:

@@ -51,8 +51,8 @@ class Task:
     def group(self, first: int, count: int) -> GroupResult:
         """Work out the paths first .. first + count - 1."""
         records, _ = records_of(self.plan, self.engine, self.seed, first, count)
-        lost = int(np.count_nonzero(~alive(records[-1:])))
         wanted = records[:, : self.quantities]
+        lost = int(np.count_nonzero(~alive(wanted[-1:])))
         kept = np.moveaxis(wanted[:, :, : max(0, min(count, self.keep - first))], -1, 0).copy()
         sums = tuple(tally.sums(records, first) for tally in self.tallies)
         return GroupResult(count, moments_of(wanted, self.states), lost, kept, sums)
