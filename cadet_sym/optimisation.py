@@ -25,7 +25,7 @@ from cadet_sym.optima import ConstraintState, Optimum, TradeOff
 from cadet_sym.solve.freeze import Conditions, conditions, freeze
 from cadet_sym.solve.named import loose_outputs
 from cadet_sym.solve.program import ACTIVE, Program, ProgramEnd, minimise
-from cadet_sym.solve.slopes import adjoint_weights, residual_slope
+from cadet_sym.solve.slopes import adjoint_weights, residual_slope, sees_window
 from cadet_sym.solve.stationary import StationaryPoint, stationary_point
 
 __all__ = ["optimise", "trade_off"]
@@ -173,15 +173,40 @@ class _Search:
 
     def values(self, x: Array) -> tuple[Array, Array]:
         """Objective and constraints at parameters x (c,), and their derivatives."""
-        held = self._held(x)
-        point = self._point(x, held)
-        y = self.compiled.packing.pack(point.mean, point.covariance)
+        held, point, y = self._solved(x)
         value, in_y, in_p = (np.asarray(part) for part in self._functions[0](y, held.context, held.p))
         columns = [self.compiled.parameters.index(name) for name in self.over]
-        slopes = np.array([self._through_moments(point, held, y, row) for row in in_y])[:, columns] + in_p[:, columns]
+        if self._exact(x, point, in_y):
+            slopes = np.array([self._through_moments(point, held, y, row) for row in in_y])[:, columns] + in_p[:, columns]
+        else:
+            slopes = self._differences(x)
         if not (np.isfinite(value).all() and np.isfinite(slopes).all()):
             raise SolverError(f"{self.goal.text} or a constraint has no value or no slope at {self._shown(x)}.")
         return value.ravel(), slopes
+
+    def _solved(self, x: Array) -> tuple[Conditions, StationaryPoint, Array]:
+        held = self._held(x)
+        point = self._point(x, held)
+        return held, point, self.compiled.packing.pack(point.mean, point.covariance)
+
+    def _exact(self, x: Array, point: StationaryPoint, in_y: Array) -> bool:
+        """Whether the adjoint gives the slopes: what drifts keeps its direction, and is not seen."""
+        if not point.drift.size and point.frame.window is None:
+            return True
+        if any(sees_window(point, self.compiled.packing.unpack(row)[1]) for row in in_y):
+            return False
+        return all(point.frame.follows(freeze(self.compiled.functions, self._held(x * q))) for q in (1.001, 0.998))
+
+    def _differences(self, x: Array) -> Array:
+        """Derivatives by differences of solutions, of fourth order."""
+        columns = []
+        for j, step in enumerate(1e-3 * np.maximum(np.abs(x), 1e-3)):
+            ends = []
+            for k in (-2, -1, 1, 2):
+                held, _, y = self._solved(x + k * step * np.eye(len(x))[j])
+                ends.append(np.asarray(self._functions[0](y, held.context, held.p)[0]).ravel())
+            columns.append((ends[0] - 8 * ends[1] + 8 * ends[2] - ends[3]) / (12 * step))
+        return np.array(columns).T
 
     def _through_moments(self, point: StationaryPoint, held: Conditions, y: Array, row: Array) -> Array:
         """Derivative in all parameters of a function of the moments, whose derivative in them is given."""

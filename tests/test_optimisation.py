@@ -131,6 +131,51 @@ def test_gradients_are_those_of_differences(case):
         np.testing.assert_allclose(slopes[0, j], difference, rtol=1e-6, atol=1e-6 * size, err_msg=list(over)[j])
 
 
+HALF_CAR = """
+schema = 1
+name = "Half car in absolute coordinates"
+[parameters]
+L = 2.7
+V = 20.0
+c = 2e3
+[rates]
+z = "w_z"
+theta = "q"
+w_z = "(-2e4*(z + L/2*theta - h_1) - c*(w_z + L/2*q) - 2e4*(z - L/2*theta - h_2) - c*(w_z - L/2*q))/1000"
+q = "L/2*(-2e4*(z + L/2*theta - h_1) - c*(w_z + L/2*q) + 2e4*(z - L/2*theta - h_2) + c*(w_z - L/2*q))/1500"
+[contacts]
+h_1 = { setback = 0.0, track = "a" }
+h_2 = { setback = "L", track = "a" }
+[ground]
+kind = "iso8608"
+class = "C"
+[travel]
+speed = "V"
+[initial]
+ground = "smooth"
+"""
+
+
+@pytest.mark.parametrize("text", ["variance(theta)", "variance(q)"])
+def test_gradients_of_what_wheels_keep_from_drifting(text, tmp_path):
+    """Pitch on an integrated road: the wheelbase turns the direction in which heave and heights drift."""
+    path = tmp_path / "half_car.toml"
+    path.write_text(HALF_CAR, encoding="utf-8")
+    compiled = cs.compile(path)
+    search = _Search(
+        compiled, read_goal(text, compiled.model, compiled.states), (), {"L": (2.0, 4.0), "c": (1e3, 4e3)}, {}, None, None
+    )
+    x = np.array([2.7, 2e3])
+    _, slopes = search.values(x)
+    for j, name in enumerate(("L", "c")):
+        ends = [
+            compiled.stationary(parameters={name: x[j] * (1 + e)}).variance[text[9:-1]] for e in (1e-4, -1e-4)
+        ]
+        np.testing.assert_allclose(slopes[0, j], (ends[0] - ends[1]) / (2e-4 * x[j]), rtol=1e-6)
+    best = cs.optimise(compiled, minimise="variance(theta)", over={"L": (2.0, 4.0)})
+    assert best.moments.stable
+
+
 def test_more_starts_find_the_better_of_two_valleys():
     """A mean that follows a parameter through a double well of the objective."""
     x, w, a = sp.symbols("x w a")

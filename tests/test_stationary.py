@@ -475,3 +475,60 @@ def _whole_jacobian(at, steps: int) -> np.ndarray:
         )
     assert K
     return J
+
+
+def half_car(cutoff=0.0, elements=()):
+    """Heave and pitch in absolute coordinates (states z, theta, their rates, h1, h2), one track, speed 20."""
+    M, J, k, c, front, back, V = 1000.0, 1500.0, 20e3, 2e3, 1.2, 1.5, 20.0
+    A = np.zeros((6, 6))
+    A[0, 2] = A[1, 3] = 1
+    for arm, height in ((front, 4), (-back, 5)):
+        force = np.array([-k, -k * arm, -c, -c * arm, 0, 0])
+        force[height] = k
+        A[2] += force / M
+        A[3] += arm * force / J
+    A[4, 4] = A[5, 5] = -cutoff * V
+    inputs, Q = (np.eye(6)[:, 4:5], np.eye(6)[:, 5:6]), np.array([[ROAD / 20]])
+    D = V * sum(b @ Q @ b.T for b in inputs)
+    b, C = np.zeros((6, len(elements))), np.zeros((len(elements), 6))
+    for j in range(len(elements)):
+        b[2, j], C[j, 2] = -1.0, 1.0
+    tracks = (WheelTrack(V, ((front + back) / V,), inputs, Q),)
+    return problem(A, b, C, elements, D, tracks=tracks, states=("z", "theta", "w", "q", "h1", "h2"))
+
+
+def pitch_by_the_spectrum(p):
+    """V Q / pi times the integral of |theta / w|^2 over frequencies, in pieces short against 1 / delay."""
+    V, Q, delay = p.tracks[0].speed, p.tracks[0].intensity[0, 0], p.tracks[0].times[0]
+    edges = np.concatenate([[1e-9], np.geomspace(1e-4, 10, 60), np.linspace(10, 400, 800)[1:]])
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    widths = np.diff(edges)
+    omega = (edges[:-1, None] + widths[:, None] * (nodes + 1) / 2).ravel()
+    both = np.zeros((len(omega), 6), dtype=complex)
+    both[:, 4], both[:, 5] = 1, np.exp(-1j * omega * delay)
+    answer = np.linalg.solve(1j * omega[:, None, None] * np.eye(6) - p.A, both[:, :, None])[:, 1, 0]
+    return V * Q / np.pi * np.sum(np.abs(answer) ** 2 * (widths[:, None] * weights / 2).ravel())
+
+
+def test_the_pitch_of_a_vehicle_on_an_integrated_road_does_not_drift():
+    p = half_car()
+    point = stationary_point(p)
+    assert [name for name, drifts in zip(p.states, point.drifting, strict=True) if drifts] == ["z", "h1", "h2"]
+    assert point.stable
+    np.testing.assert_allclose(point.covariance[1, 1], pitch_by_the_spectrum(p), rtol=1e-6)
+    between = np.array([0, 0, 0, 0, 1.0, -1.0])  # the road between the wheels: V tau Q
+    np.testing.assert_allclose(between @ point.covariance @ between, ROAD / 20 * 2.7, rtol=1e-12)
+
+
+@pytest.mark.parametrize("elements", [(), (quadratic_damper(300.0, 0.3),)])
+def test_what_wheels_keep_together_is_the_limit_of_a_road_with_a_corner(elements):
+    point, near = stationary_point(half_car(0.0, elements)), stationary_point(half_car(1e-7, elements))
+    forms = np.array([[0, 1, 0, 0, 0, 0], [1, 0, 0, 0, -1, 0], [0, 0, 0, 1, 0, 0], [1, 1.2, 0, 0, -1, 0], [0, 0, 0, 0, 1, -1]])
+    np.testing.assert_allclose(forms @ point.covariance @ forms.T, forms @ near.covariance @ forms.T, rtol=2e-5, atol=1e-12)
+    np.testing.assert_allclose(forms @ point.mean, forms @ near.mean, atol=1e-6)
+
+
+def test_the_heights_under_two_wheels_drift_apart_if_their_tracks_are_two():
+    p = half_car()
+    alone = replace(p, tracks=())
+    assert list(stationary_point(alone).drifting) == [True, True, False, False, True, True]

@@ -134,6 +134,11 @@ def follow_branches(
         if any(_passes(family, value, origin, path, point) for origin, path in found):
             continue
         view, at = point.frame, point.evaluation
+        if not all(view.follows(family(end)) for end in limits):
+            raise SolverError(
+                f"what drifts changes its direction with {parameter or 'the parameter'}, so that its solutions cannot be "
+                "followed: declare the model in closures and deflections, or solve for single values."
+            )
         down, up = (walk(family, view, at, value, limits, side, POINTS, LARGEST) for side in (False, True))
         found.append((point, down if down.end == "a closed curve" else _joined(down, up)))
     states = found[0][0].frame.states if found else ()
@@ -171,7 +176,7 @@ def _passes(family: Family, value: float, origin: StationaryPoint, path: Walk, p
 def _record(start: StationaryPoint, path: Walk) -> Branch:
     places: Sequence[Place] = path.places
     judged = [stability(place.lin) for place in places]
-    lifted = [start.frame.lift(place.lin.at.mean, place.lin.at.covariance) for place in places]
+    lifted = [start.frame.lift(place.lin.at) for place in places]
     means, covariances = np.array([m for m, _ in lifted]), np.array([P for _, P in lifted])
     mean, covariance = means.copy(), covariances.copy()
     mean[:, start.drifting] = np.nan

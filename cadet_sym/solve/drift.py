@@ -6,6 +6,11 @@ undamped oscillation). Its state wanders without bound, but what does not contai
 and the accelerations of a vehicle on a road that is integrated white noise, whose heave has no variance.
 
 With D the drifting subspace (A-invariant, unseen), x modulo D obeys a closed system of its own: that is what is solved.
+
+Wheels in one track drift together. A form y^T x of what drifts with y^T A = 0 that the same noise enters under one wheel
+and leaves under another, sum_k y^T b_k = 0, is the noise of the ground between the wheels and no more: the pitch of a
+vehicle on an integrated road, whose heave has no variance. Its own is V sum_k (t_(k+1) - t_k) u_k Q u_k^T, with u_k the
+sum of y^T b_j over the wheels j <= k, and its covariance with the rest follows from one linear equation (`Window`).
 """
 
 from __future__ import annotations
@@ -15,14 +20,54 @@ from dataclasses import dataclass
 import numpy as np
 
 from cadet_sym.errors import SolverError
-from cadet_sym.solve.frozen import FrozenProblem
+from cadet_sym.solve.frozen import Evaluation, FrozenProblem
 from cadet_sym.solve.lyapunov import ModalForm, SchurForm, decompose
 
-__all__ = ["Frame", "drifting_directions", "frame", "short_run_covariance"]
+__all__ = ["Frame", "Window", "drifting_directions", "frame", "short_run_covariance"]
 
 Array = np.ndarray
 
 RANK = 1e-11  # of the largest singular value: less counts as zero
+
+
+@dataclass(frozen=True)
+class Window:
+    """Forms y^T x that are the noise of the ground between the wheels of a track, and what they add to x.
+
+    x = right z + directions (y^T x) but for what drifts. k wheels, q forms.
+    """
+
+    forms: Array  # (n, q) y
+    directions: Array  # (n, q)
+    inputs: tuple[tuple[Array, ...], ...]  # y^T b_k (q, w), for each track
+
+    def follows(self, problem: FrozenProblem) -> bool:
+        """Whether the forms feel the same noise in a problem with other numbers."""
+        for track, known in zip(problem.tracks, self.inputs, strict=True):
+            for b, u in zip(track.inputs, known, strict=True):
+                if np.abs(self.forms.T @ b - u).max(initial=0.0) > 1e-9 * np.abs(u).max(initial=0.0):
+                    return False
+        return True
+
+    def own(self, problem: FrozenProblem) -> Array:
+        """Covariance of the forms, (q, q)."""
+        q = self.directions.shape[1]
+        total = np.zeros((q, q))
+        for track, inputs in zip(problem.tracks, self.inputs, strict=True):
+            sums = np.cumsum(inputs, axis=0)
+            total += sum(time * track.speed * u @ track.intensity @ u.T for time, u in zip(track.times, sums, strict=False))
+        return total
+
+    def cross(self, at: Evaluation) -> Array:
+        """Covariance of z with the forms, (m, q), at a solution: N P = -(what both feel of the noise)."""
+        forcing = np.zeros((at.problem.n, self.directions.shape[1]))
+        for track, inputs, found in zip(at.problem.tracks, self.inputs, at.correlations, strict=True):
+            sums = np.cumsum(inputs, axis=0)
+            before = [np.zeros_like(inputs[0]), *sums[:-1]]
+            known = [np.zeros_like(track.inputs[0]), *found]
+            for b, g, y, u in zip(track.inputs, known, inputs, before, strict=True):
+                forcing += track.speed * ((b + g) @ track.intensity @ y.T + b @ track.intensity @ u.T)
+        return -np.linalg.solve(at.N, forcing)
 
 
 @dataclass(frozen=True)
@@ -36,10 +81,26 @@ class Frame:
     offset: Array  # (n,) what is conserved
     drift: Array  # (n, q) orthonormal: directions without stationary moments
     states: tuple[str, ...]  # names of x, for messages
+    window: Window | None = None  # what drifts with the wheels of a track, but not apart
 
-    def lift(self, mean: Array, covariance: Array) -> tuple[Array, Array]:
+    def lift(self, at: Evaluation) -> tuple[Array, Array]:
         """Moments of x: (n,), (n, n). Linear forms l^T x with l^T drift = 0 get theirs from it; others have none."""
-        return self.offset + self.right @ mean, self.right @ covariance @ self.right.T
+        mean, covariance = self.offset + self.right @ at.mean, self.right @ at.covariance @ self.right.T
+        if self.window is not None:
+            directions = self.window.directions
+            cross = self.right @ self.window.cross(at) @ directions.T
+            covariance = covariance + cross + cross.T + directions @ self.window.own(at.problem) @ directions.T
+        return mean, covariance
+
+    def follows(self, problem: FrozenProblem) -> bool:
+        """Whether a problem with other numbers drifts in the same directions, so that this frame serves it too."""
+        away = self.drift if self.window is None else np.hstack([self.drift, self.window.directions])
+        if not away.size:
+            return True
+        size = np.ones_like(away) * np.abs(away).max()
+        moved = np.abs(self.left @ problem.A @ away) > 1e-9 * (np.abs(self.left) @ np.abs(problem.A) @ size)
+        seen = np.abs(problem.C @ away) > 1e-9 * (np.abs(problem.C) @ size)
+        return not (moved.any() or seen.any()) and (self.window is None or self.window.follows(problem))
 
     def lower(self, mean: Array, covariance: Array) -> tuple[Array, Array]:
         """Moments of z from moments of x."""
@@ -62,7 +123,8 @@ def frame(problem: FrozenProblem, start: Array | None = None) -> Frame:
     n = problem.n
     unit = _balance(problem)
     rest = problem.transformed(np.diag(1 / unit), np.diag(unit))
-    basis, drift, offset = np.eye(n), np.zeros((n, 0)), np.zeros(n)
+    basis, drift, offset, shift = np.eye(n), np.zeros((n, 0)), np.zeros(n), 0.0
+    window: Window | None = None
     form = decompose(rest.A)
     # Four integrators in a row have computed eigenvalues that are no smaller than this.
     if np.abs(np.real(form.eigenvalues)).min() <= 1e-3 * np.abs(form.eigenvalues).max():
@@ -73,12 +135,17 @@ def frame(problem: FrozenProblem, start: Array | None = None) -> Frame:
         rest = rest.transformed(keep.T, keep, offset)
         drift = drifting_directions(rest)
         stay = _complement(drift, rest.n)
+        forms, directions, drift = _windowed(rest, drift)
         if not stay.shape[1]:
             raise SolverError(
                 "No state has stationary moments: each one drifts (nothing pulls it back) or keeps its initial value."
             )
+        if forms.shape[1]:
+            inputs = tuple(tuple(forms.T @ b for b in track.inputs) for track in rest.tracks)
+            window = Window(keep @ forms / unit[:, None], unit[:, None] * (keep @ directions), inputs)
         rest = rest.transformed(stay.T, stay)
         basis, drift = keep @ stay, keep @ drift
+        shift = keep @ directions @ (forms.T @ stay)
         form = decompose(rest.A)
     spread = short_run_covariance(form, rest.D)
     sigma = _powers(np.sqrt(np.maximum(np.diag(spread), 0.0)))
@@ -86,11 +153,42 @@ def frame(problem: FrozenProblem, start: Array | None = None) -> Frame:
         problem=rest.transformed(np.diag(1 / sigma), np.diag(sigma)),
         spread=spread / np.outer(sigma, sigma),
         left=basis.T / sigma[:, None] / unit,
-        right=unit[:, None] * basis * sigma,
+        right=unit[:, None] * (basis - shift) * sigma,
         offset=unit * offset,
         drift=np.linalg.qr(unit[:, None] * drift)[0] if drift.size else drift,
         states=problem.states,
+        window=window,
     )
+
+
+def _windowed(problem: FrozenProblem, drift: Array) -> tuple[Array, Array, Array]:
+    """Forms (n, q) that wheels in one track keep finite, directions (n, q) dual to them, and what drifts in truth.
+
+    Raises
+    ------
+    SolverError
+        If such a form is no part of what drifts: an element sees it.
+    """
+    n = problem.n
+    nothing = np.zeros((n, 0))
+    if not problem.tracks or not drift.shape[1]:
+        return nothing, nothing, drift
+    alone, parts = problem.D.copy(), [problem.A, problem.b, problem.c[:, None]]
+    parts = [part / (np.linalg.norm(part, 2) or 1.0) for part in parts if part.size]
+    for track in problem.tracks:
+        size = max(float(np.linalg.norm(b, 2)) for b in track.inputs) or 1.0
+        parts.append(np.sum(track.inputs, axis=0) / size)
+        alone -= track.speed * sum(b @ track.intensity @ b.T for b in track.inputs)
+    forms = _kernel(np.hstack([*parts, alone / (np.linalg.norm(problem.D, 2) or 1.0)]).T, 1.0)
+    if not forms.shape[1]:
+        return nothing, nothing, drift
+    seen = forms.T @ drift
+    if np.linalg.matrix_rank(seen, tol=1e-9) < forms.shape[1]:
+        raise SolverError(
+            "A nonlinear element sees the difference of the ground's heights under two wheels of a track, and the ground "
+            "has no stationary height: its moments are finite but not found here. Give the road a low-frequency `cutoff`."
+        )
+    return forms, drift @ np.linalg.pinv(seen), drift @ _kernel(seen, 1.0)
 
 
 def drifting_directions(problem: FrozenProblem) -> Array:

@@ -10,11 +10,12 @@ from collections.abc import Callable
 
 import numpy as np
 
+from cadet_sym.errors import SolverError
 from cadet_sym.solve.frozen import FrozenProblem, evaluate
 from cadet_sym.solve.linearised import LinearisedMoments
 from cadet_sym.solve.stationary import StationaryPoint
 
-__all__ = ["adjoint_weights", "moment_slopes", "objective_slopes", "residual_slope"]
+__all__ = ["adjoint_weights", "moment_slopes", "objective_slopes", "residual_slope", "sees_window"]
 
 Array = np.ndarray
 
@@ -63,9 +64,20 @@ def adjoint_weights(point: StationaryPoint, gradient: Residuals) -> Residuals:
     """
     view, lin = point.frame, LinearisedMoments(point.evaluation)
     g_mean, g_covariance = gradient
+    if sees_window(point, g_covariance):
+        raise SolverError("what the ground between two wheels adds has no derivatives here: take differences of solutions.")
     symmetric = 0.5 * (g_covariance + g_covariance.T)
     a, L = lin.adjoint(view.right.T @ g_mean, view.right.T @ symmetric @ view.right)
     return view.left.T @ a, view.left.T @ L @ view.left
+
+
+def sees_window(point: StationaryPoint, g_covariance: Array) -> bool:
+    """Whether a function of the covariance depends on what the ground between two wheels adds (see `drift.Window`)."""
+    window = point.frame.window
+    if window is None:
+        return False
+    size = np.abs(g_covariance).max(initial=0.0) * np.abs(window.directions).max()
+    return bool(np.abs(g_covariance @ window.directions).max() > 1e-9 * size)
 
 
 def residual_slope(

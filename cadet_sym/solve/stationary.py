@@ -138,7 +138,7 @@ def accept(view: Frame, attempt: Attempt, before: Sequence[Attempt] = ()) -> tup
         judgement = replace(stability(lin), eigenvalues=_eigenvalues(lin, at))
     except SolverError as problem:
         return None, str(problem)
-    mean, covariance = view.lift(at.mean, at.covariance)
+    mean, covariance = view.lift(at)
     point = StationaryPoint(
         mean=mean,
         covariance=covariance,
