@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from cadet_sym.errors import ModelError
 from cadet_sym.lowering.functions import MomentFunctions
+from cadet_sym.packing import Packing
 from cadet_sym.solve.breakdown import Breakdown, explain
 from cadet_sym.solve.cvodes import Direct
 from cadet_sym.solve.definite import lost, warn_of_loss
@@ -47,6 +48,9 @@ SMALL_DELAYED = 700
 
 SPARSE = 600
 """The same where N has at most four entries a row (33 states)."""
+
+BETWEEN = 100.0
+"""How much more the correlation with the ground between two wheels may err: it is smoothed on its way to the wheel behind."""
 
 FEW = 6
 """... unless the run has more stretches than this, each of which needs an integrator of its own."""
@@ -131,12 +135,12 @@ def integrate(
     size = _sizes(lowered, start, float(grid[-1]), kind, declared)
     if (later := past_onset(lowered, start.y, start.p, float(grid[grid > 0].min(initial=grid[-1])))) is not None:
         start = replace(start, time=later[0], y=later[1])
-    y, used = _march(lowered, start, grid, kind, _tolerance(rtol, size), rtol)
+    y, used = _march(lowered, start, grid, kind, _tolerance(rtol, size, packing), rtol)
     if not fits(size, y, packing):
         size = peaks(np.vstack([start.y, y]), packing)
-        y, used = _march(lowered, start, grid, kind, _tolerance(rtol, size), rtol)
+        y, used = _march(lowered, start, grid, kind, _tolerance(rtol, size, packing), rtol)
     if lost(y, packing).any():
-        y, used = _march(lowered, start, grid, kind, _tolerance(rtol * 1e-3, size), rtol)
+        y, used = _march(lowered, start, grid, kind, _tolerance(rtol * 1e-3, size, packing), rtol)
         warn_of_loss(grid, y, packing, lowered.facts.states)
     statistics = {"steps": float(used.steps), "stretches": len(_edges(start, grid)) - 1.0}
     return Trajectory(grid, y, used.name, rtol, statistics | {"seconds": time.perf_counter() - began})
@@ -175,10 +179,12 @@ def _choose(lowered: MomentFunctions, start: Start, grid: Array) -> str:
     return "explicit" if 2 * fastest * duration <= MILD else "implicit"
 
 
-def _tolerance(rtol: float, size: Array) -> Tolerance:
+def _tolerance(rtol: float, size: Array, packing: Packing) -> Tolerance:
     """What a step may err by: errors add up, the more steps the more, and small values matter the more."""
     tight = min(1.0, max(rtol, 1e-13) / 1e-6)
-    return Tolerance(max(tight**0.75 * rtol, 2e-14), tight**0.5 * ABSOLUTE, size)
+    weighed = size.copy()
+    weighed[len(size) - packing.ground :] *= BETWEEN
+    return Tolerance(max(tight**0.75 * rtol, 2e-14), tight**0.5 * ABSOLUTE, weighed)
 
 
 def _engine(lowered: MomentFunctions, p: Array, kind: str, tolerance: Tolerance) -> Engine:
