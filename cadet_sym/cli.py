@@ -73,6 +73,7 @@ def moments(
         float | None, typer.Option(metavar="T", help="One period of moments that repeat with it, instead of the run.")
     ] = None,
     rtol: RelativeTolerance = None,
+    jit: Annotated[bool, typer.Option("--jit", help="Make machine code with the C compiler that is there.")] = False,
     as_json: Json = False,
     save: Save = None,
     plot: Plot = None,
@@ -87,7 +88,7 @@ def moments(
     if duration is not None and not 0.0 < duration < math.inf:
         raise ModelError(f"--duration {duration:g}: expected a length of time above zero")
     with _computing():
-        compiled = _compile(model, settings)
+        compiled = _compile(model, settings, jit=jit)
         if period is not None:
             history = compiled.periodic(period, points=points or 101)
         else:
@@ -349,9 +350,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail(f"unexpected {kind}: {error}; a fault of the program, not of the model; run again with --debug", 1)
 
 
-def _compile(path: Path, settings: Iterable[str] | None) -> CompiledModel:
+def _compile(path: Path, settings: Iterable[str] | None, *, jit: bool = False) -> CompiledModel:
     """The model in a file, with the parameters of ``--set`` in place, compiled now or before."""
-    return cs.compile(path, parameters=_values(settings))
+    return cs.compile(path, parameters=_values(settings), jit=jit)
 
 
 def _load(path: Path, settings: Iterable[str] | None) -> cs.Model:

@@ -44,6 +44,7 @@ def compile(
     *,
     parameters: Mapping[str, Any] | None = None,
     grid: tuple[int, int] | None = None,
+    jit: bool = False,
 ) -> CompiledModel:
     """Turn a model, or the file it is declared in, into its compiled moment equations.
 
@@ -55,16 +56,25 @@ def compile(
     parameters : values in place of those declared; the model is checked with them.
     grid : elements and nodes an element between two wheels of one track (see `cadet_sym.delay`); by default the
         cheapest that resolves the vehicle's modes at the speeds of the run.
+    jit : have machine code made by the C compiler that is there: seconds the first time, none after that, and runs of
+        small models are several times faster.
 
     Raises
     ------
     ModelError, LinearisationError
-        If the model is wrong, or an element has no Gaussian expectation.
+        If the model is wrong, or an element has no Gaussian expectation; if `jit` finds no compiler.
     """
+    if jit:
+        from cadet_sym.lowering.machine import find_compiler
+
+        find_compiler()
     values = dict(parameters or {})
     if isinstance(model, str | Path):
-        return CompiledModel(from_file(Path(model), values, grid))
-    return CompiledModel(from_model(model.with_parameters(values) if values else model, grid))
+        made = from_file(Path(model), values, grid)
+    else:
+        made = from_model(model.with_parameters(values) if values else model, grid)
+    made.functions.jit = jit
+    return CompiledModel(made)
 
 
 @dataclass(frozen=True, eq=False)

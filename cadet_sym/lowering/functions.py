@@ -7,7 +7,7 @@ something is asked for that was never made.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -50,6 +50,8 @@ class MomentFunctions:
 
     def __init__(self, facts: Facts, make: Callable[[], LoweredSystem], shelf: Shelf | None = None) -> None:
         self.facts, self._make, self._shelf = facts, make, shelf
+        self.jit = False  # whether machine code is wanted
+        self._machine: dict[Hashable, ca.Function] = {}
 
     @cached_property
     def symbolic(self) -> LoweredSystem:
@@ -79,6 +81,29 @@ class MomentFunctions:
         """Keep a function in the cache."""
         if self._shelf is not None:
             self._shelf.write(f"{name}.casadi", function.serialize().encode())
+
+    def machine_code(self, key: Hashable, make: Callable[[], ca.Function]) -> ca.Function:
+        """A function as machine code, known by a key in this process and by its own text in all.
+
+        Raises
+        ------
+        ModelError
+            If there is no compiler, or it fails.
+        """
+        if key not in self._machine:
+            from cadet_sym.lowering.machine import machine_code
+
+            self._machine[key] = machine_code(make(), self._shelf)
+        return self._machine[key]
+
+    @cached_property
+    def fast_rate(self) -> ca.Function:
+        """The rate, as machine code where that is wanted and does not take minutes to make."""
+        from cadet_sym.lowering.machine import LARGEST
+
+        if not self.jit or self.rate.n_instructions() > LARGEST:
+            return self.rate
+        return self.machine_code("rate", lambda: self.rate)
 
     @_kept
     def rate(self) -> ca.Function:

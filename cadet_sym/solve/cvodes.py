@@ -1,4 +1,4 @@
-"""CVODES through CasADi: variable-order BDF, with a direct solver; the fastest for small systems.
+"""CVODES through CasADi: BDF with a direct solver, the fastest for small systems, or Adams formulas where none is needed.
 
 Moments are integrated in units of their own size, for CasADi's absolute tolerance is one number. An integrator is built
 for a grid of output times and a tolerance, and kept with the functions it belongs to.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from dataclasses import dataclass, field
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import casadi as ca
@@ -36,8 +37,13 @@ class Direct:
     lowered: MomentFunctions
     p: Array
     tolerance: Tolerance
+    stiff: bool = True
     steps: int = field(default=0, init=False)
-    name = "CVODES (BDF, direct)"
+
+    @property
+    def name(self) -> str:
+        """The method in words."""
+        return "CVODES (BDF, direct)" if self.stiff else "CVODES (Adams, fixed-point)"
 
     def advance(self, begin: float, y: Array, grid: Array) -> Array:
         """Packed moments (k, size) at the times of the grid, from y at `begin`."""
@@ -60,7 +66,7 @@ class Direct:
 
     def _integrator(self, grid: tuple[float, ...]) -> ca.Function:
         kept = _integrators.setdefault(self.lowered, OrderedDict())
-        key = (grid, self.tolerance.relative, self.tolerance.absolute, self.tolerance.steps)
+        key = (grid, self.stiff, self.tolerance.relative, self.tolerance.absolute, self.tolerance.steps)
         if key not in kept:
             kept[key] = self._build(grid)
         kept.move_to_end(key)
@@ -75,11 +81,13 @@ class Direct:
         p = ca.SX.sym("p", count + n + 1)
         size, begin = p[count : count + n], p[count + n]
         ode = ca.cse(self.lowered.rate(begin + t, size * x, p[:count]) / size)
-        options = {
+        options: dict[str, Any] = {
             "reltol": self.tolerance.relative,
             "abstol": self.tolerance.absolute * self.tolerance.relative,
             "max_num_steps": self.tolerance.steps,
             "show_eval_warnings": False,
             "disable_internal_warnings": True,
         }
+        if not self.stiff:
+            options |= {"linear_multistep_method": "adams", "nonlinear_solver_iteration": "functional"}
         return ca.integrator("run", "cvodes", {"x": x, "p": p, "t": t, "ode": ode}, 0.0, list(grid), options)

@@ -37,7 +37,7 @@ class Rate:
     """dy/dt written into the caller's memory; counts its evaluations."""
 
     def __init__(self, lowered: MomentFunctions, p: Array) -> None:
-        self.buffer, self.evaluate = lowered.rate.buffer()
+        self.buffer, self.evaluate = lowered.fast_rate.buffer()
         self.time, self.p = np.zeros(1), np.ascontiguousarray(p, dtype=float)
         give(self.buffer, 0, self.time)
         give(self.buffer, 2, self.p)

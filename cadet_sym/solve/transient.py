@@ -27,7 +27,11 @@ from cadet_sym.solve.cvodes import Direct
 from cadet_sym.solve.definite import lost, warn_of_loss
 from cadet_sym.solve.evaluate import gains
 from cadet_sym.solve.krylov import Stepping
+<<<<<<< HEAD
 from cadet_sym.solve.onset import past_onset
+=======
+from cadet_sym.solve.native import Native
+>>>>>>> b531a29 (Let a C compiler make the integrator of a small model; integrate what swings by Adams formulas)
 from cadet_sym.solve.scales import Tolerance, fits, peaks
 
 __all__ = ["ENGINES", "Start", "Trajectory", "check_times", "integrate"]
@@ -49,16 +53,33 @@ SMALL_DELAYED = 700
 SPARSE = 600
 """The same where N has at most four entries a row (33 states)."""
 
+<<<<<<< HEAD
 BETWEEN = 100.0
 """How much more the correlation with the ground between two wheels may err: it is smoothed on its way to the wheel behind."""
+=======
+NATIVE = 150
+"""Packed moments up to which machine code of a whole integrator is made in seconds (15 states) ..."""
+
+QUICK = 20_000.0
+"""... and fastest rate of the covariance times duration up to which it is the fastest."""
+
+BUILT = 2500
+"""Packed moments above which an integrator of CasADi's takes long to build (70 states)."""
+>>>>>>> b531a29 (Let a C compiler make the integrator of a small model; integrate what swings by Adams formulas)
 
 FEW = 6
 """... unless the run has more stretches than this, each of which needs an integrator of its own."""
 
 MILD = 500.0
-"""Largest frequency of the covariance times duration up to which explicit formulas are the cheapest."""
+"""Fastest decay of the covariance times duration up to which explicit formulas are the cheapest ..."""
 
-ENGINES = ("auto", "direct", "implicit", "krylov", "explicit")
+SWINGING = 20_000.0
+"""... and largest frequency: what swings and hardly decays keeps the steps of implicit formulas short as well."""
+
+SWING = 0.3
+"""Share of a step's tolerance that explicit formulas are given."""
+
+ENGINES = ("auto", "direct", "implicit", "krylov", "explicit", "stepping", "native")
 
 
 @dataclass(frozen=True)
@@ -114,7 +135,8 @@ def integrate(
     Parameters
     ----------
     engine : "auto", or "direct" (CasADi's CVODES), "implicit" or "krylov" (BDF with the Lyapunov inverse, by itself
-        or as the preconditioner of GMRES), "explicit" (Adams).
+        or as the preconditioner of GMRES), "explicit" (Adams, CasADi's CVODES), "stepping" (the same, restarted at no
+        cost), "native" (Runge-Kutta, compiled by the C compiler that is there).
     declared : the start at the model's own parameters. The sizes found there serve for other values unless they turn
         out not to suit: repeated runs find them once, and no result depends on what ran before.
 
@@ -131,11 +153,17 @@ def integrate(
         raise ModelError(f"`{engine}` is not an engine; those are: {', '.join(ENGINES)}.")
     began = time.perf_counter()
     packing = lowered.facts.packing
+<<<<<<< HEAD
     kind = engine if engine != "auto" else _choose(lowered, start, grid)
     size = _sizes(lowered, start, float(grid[-1]), kind, declared)
     if (later := past_onset(lowered, start.y, start.p, float(grid[grid > 0].min(initial=grid[-1])))) is not None:
         start = replace(start, time=later[0], y=later[1])
     y, used = _march(lowered, start, grid, kind, _tolerance(rtol, size, packing), rtol)
+=======
+    kind = engine if engine != "auto" else _chosen(lowered, start, grid)
+    size = _sizes(lowered, start, float(grid[-1]), "direct" if kind == "native" else kind, declared)
+    y, used = _march(lowered, start, grid, kind, _tolerance(rtol, size), rtol)
+>>>>>>> b531a29 (Let a C compiler make the integrator of a small model; integrate what swings by Adams formulas)
     if not fits(size, y, packing):
         size = peaks(np.vstack([start.y, y]), packing)
         y, used = _march(lowered, start, grid, kind, _tolerance(rtol, size, packing), rtol)
@@ -159,24 +187,49 @@ def check_times(times: npt.ArrayLike) -> Array:
     return grid
 
 
+_known_choices: WeakKeyDictionary[MomentFunctions, dict[tuple[object, ...], str]] = WeakKeyDictionary()
+
+
+def _chosen(lowered: MomentFunctions, start: Start, grid: Array) -> str:
+    """The engine of a run, remembered for the next of the same."""
+    kept = _known_choices.setdefault(lowered, {})
+    key = (lowered.jit, start.p.tobytes(), start.y.tobytes(), start.breakpoints, float(grid[-1]))
+    if key not in kept:
+        if len(kept) > 256:
+            kept.clear()
+        kept[key] = _choose(lowered, start, grid)
+    return kept[key]
+
+
 def _choose(lowered: MomentFunctions, start: Start, grid: Array) -> str:
     """Direct while small; else by what explicit formulas would cost: the frequencies of P are sums of two of N's."""
     packing = lowered.facts.packing
-    if lowered.facts.delay is not None:
-        small = packing.size <= SMALL_DELAYED
-    else:
-        sparse = packing.size <= SPARSE and lowered.gain_matrix.nnz_out(0) <= 4 * packing.n
-        small = packing.size <= SMALL or sparse
-    if small and len(_edges(start, grid)) - 1 <= FEW:
+    if lowered.jit and packing.size <= NATIVE and _fastest(lowered, start, grid) <= QUICK:
+        return "native"
+    few = len(_edges(start, grid)) - 1 <= FEW
+    if few and packing.size <= (SMALL if lowered.facts.delay is None else SMALL_DELAYED):
         return "direct"
-    duration = float(grid[-1])
-    seen = {gains(lowered, t, start.y, start.p).tobytes() for t in (0.0, duration / 2, duration)}
-    n = packing.n
-    matrices = np.array([np.frombuffer(each).reshape(n, n) for each in seen])
-    if not np.isfinite(matrices).all():
+    modes = _modes(lowered, start, grid)
+    if not np.isfinite(modes).all():
         return "implicit"
-    fastest = float(np.abs(np.linalg.eigvals(matrices)).max(initial=0.0))
-    return "explicit" if 2 * fastest * duration <= MILD else "implicit"
+    if np.abs(modes).max(initial=0.0) <= SWINGING and np.abs(modes.real).max(initial=0.0) <= MILD:
+        return "explicit" if few and packing.size <= BUILT else "stepping"
+    sparse = packing.size <= SPARSE and lowered.gain_matrix.nnz_out(0) <= 4 * packing.n
+    return "direct" if few and sparse and lowered.facts.delay is None else "implicit"
+
+
+def _modes(lowered: MomentFunctions, start: Start, grid: Array) -> npt.NDArray[np.complex128]:
+    """Eigenvalues of the covariance's rate over the run's length, from N at three times; NaN where it has none."""
+    duration = float(grid[-1])
+    matrices = np.array([gains(lowered, t, start.y, start.p) for t in (0.0, duration / 2, duration)])
+    if not np.isfinite(matrices).all():
+        return np.array([complex(np.nan)])
+    return np.asarray(2 * duration * np.linalg.eigvals(matrices), dtype=complex)
+
+
+def _fastest(lowered: MomentFunctions, start: Start, grid: Array) -> float:
+    fastest = np.abs(_modes(lowered, start, grid)).max(initial=0.0)
+    return float(fastest) if np.isfinite(fastest) else np.inf
 
 
 def _tolerance(rtol: float, size: Array, packing: Packing) -> Tolerance:
@@ -188,9 +241,13 @@ def _tolerance(rtol: float, size: Array, packing: Packing) -> Tolerance:
 
 
 def _engine(lowered: MomentFunctions, p: Array, kind: str, tolerance: Tolerance) -> Engine:
-    if kind == "direct":
-        return Direct(lowered, p, tolerance)
-    return Stepping(lowered, p, tolerance, stiff=kind != "explicit", full_newton=kind == "krylov")
+    if kind == "native":
+        return Native(lowered, p, tolerance)
+    if kind in ("direct", "explicit"):
+        if kind == "explicit":  # many small errors of one sign add up where moments swing
+            tolerance = replace(tolerance, relative=tolerance.relative * SWING)
+        return Direct(lowered, p, tolerance, stiff=kind == "direct")
+    return Stepping(lowered, p, tolerance, stiff=kind != "stepping", full_newton=kind == "krylov")
 
 
 # -- sizes ------------------------------------------------------------------------------------------------
@@ -274,7 +331,7 @@ def _advance(engine: Engine, begin: float, y: Array, stretch: Array) -> Array:
     try:
         return engine.advance(begin, y, stretch)
     except Breakdown:
-        if not isinstance(engine, Direct):
+        if not isinstance(engine, Direct | Native):
             raise
         second = Stepping(engine.lowered, engine.p, engine.tolerance, stiff=True, full_newton=True)
         return second.advance(begin, y, stretch)
