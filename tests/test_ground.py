@@ -476,8 +476,16 @@ def sampled(ground: Ground, step: float, count: int, seed: int = 0) -> np.ndarra
 
 @pytest.mark.parametrize(
     "ground",
-    [exponential(0.01, 0.2), second_order(0.02, 0.2, 0.6), iso8608("C", cutoff=0.05).rolling_contact(3)],
-    ids=["exponential", "second order", "ISO rolled"],
+    [
+        exponential(0.01, 0.2),
+        second_order(0.02, 0.2, 0.6),
+        iso8608("C", cutoff=0.05).rolling_contact(3),
+        iso8608("A", cutoff=0.05, waviness=2.6),
+        spectrum([1e-5], [0.04, 0, 1, 0, 1]),
+        exponential(0.01, 0.2).contact_patch(0.5),
+        shaping_filter({"h": parse("-h/5 + 2*w")}, noise={"w": parse("1e-4")}, height=parse("h")),
+    ],
+    ids=["exponential", "second order", "ISO rolled", "waviness", "spectrum", "patch", "own equations"],
 )
 def test_the_welch_spectrum_of_a_sample_is_the_declared_one(ground):
     from cadet_sym.language.roadfit import welch

@@ -1,0 +1,93 @@
+"""Three axles on one track against integrals that know nothing of grids, and half a car against its own simulation."""
+
+from __future__ import annotations
+
+from itertools import pairwise, product
+
+import numpy as np
+import pytest
+from conftest import ROOT
+from reference_models import toml
+from scipy.integrate import quad
+
+import cadet_sym as cs
+
+ALPHA, BETA = 0.2, 2.0
+SETBACKS = (0.0, 1.7, 4.6)
+OMEGA, ZETA = 10.0, 0.1
+
+
+def three_axles(speed: str, duration: float = 4.0) -> cs.Model:
+    return toml(
+        f"""
+        name = "three axles"
+        [rates]
+        x = "v"
+        v = "-{OMEGA**2}*x - {2 * ZETA * OMEGA}*v + {OMEGA**2}*(h1 + h2 + h3)/3"
+        [contacts]
+        h1 = {{}}
+        h2 = {{ setback = {SETBACKS[1]} }}
+        h3 = {{ setback = {SETBACKS[2]} }}
+        [ground]
+        kind = "exponential"
+        sigma = 1.0
+        cutoff = {ALPHA}
+        rolling_contact = {BETA}
+        [travel]
+        speed = "{speed}"
+        [run]
+        duration = {duration}
+        """
+    )
+
+
+def autocovariance(d: np.ndarray) -> np.ndarray:
+    """Of the rolled exponential ground: its spectrum is proportional to 1/((k^2 + a^2)(k^2 + b^2))."""
+    d = np.abs(d)
+    return BETA * (BETA * np.exp(-ALPHA * d) - ALPHA * np.exp(-BETA * d)) / (BETA**2 - ALPHA**2)
+
+
+@pytest.mark.parametrize("speed", [3.0, 12.0])
+def test_three_axles_at_constant_speed_against_the_spectral_integral(speed):
+    def density(kappa: float) -> float:
+        w = kappa * speed
+        ground = 2 * ALPHA * BETA**2 / ((kappa**2 + ALPHA**2) * (kappa**2 + BETA**2)) / np.pi
+        wheels = sum(np.exp(-1j * kappa * L) for L in SETBACKS) / 3
+        return ground * abs(wheels * OMEGA**2 / (OMEGA**2 - w**2 + 2j * ZETA * OMEGA * w)) ** 2
+
+    peak = OMEGA / speed
+    edges = sorted([0.0, 0.05, 0.2, 1.0, *(factor * peak for factor in (0.8, 1.0, 1.2, 3.0, 10.0, 100.0))])
+    parts = [quad(density, a, b, epsabs=1e-14, epsrel=1e-12, limit=400)[0] for a, b in pairwise(edges)]
+    found = cs.compile(three_axles(str(speed))).stationary(speed=speed)
+    assert found.variance["x"] == pytest.approx(sum(parts), rel=1e-8)
+    assert found.stable
+
+
+def test_three_axles_from_rest_against_the_double_integral_over_the_autocovariance():
+    model = three_axles("2*t")
+    history = cs.compile(model).propagate([1.0, 2.0, 4.0], rtol=1e-9)
+    damped = OMEGA * np.sqrt(1 - ZETA**2)
+    nodes, weights = np.polynomial.legendre.leggauss(10)
+    wanted = []
+    for t in history.time:
+        edges = np.linspace(0.0, t, 81)
+        half = np.diff(edges)[:, None] / 2
+        tau = (edges[:-1, None] + half * (nodes + 1)).ravel()
+        w = (half * weights).ravel() * OMEGA**2 * np.exp(-ZETA * OMEGA * (t - tau)) * np.sin(damped * (t - tau)) / damped
+        s = tau**2
+        pairs = product(SETBACKS, repeat=2)
+        ground = sum(autocovariance(s[:, None] - a - s[None, :] + b) for a, b in pairs) / 9
+        wanted.append(w @ ground @ w)
+    np.testing.assert_allclose(history.variance["x"], wanted, rtol=1e-5, atol=1e-6 * max(wanted))
+
+
+def test_a_nonlinear_half_car_lies_within_the_limits_of_its_simulation():
+    model = cs.load(ROOT / "models" / "half_car_acceleration.toml")
+    history = cs.compile(model).propagate(points=6)
+    truth = cs.simulate(model, paths=1000, seed=4, times=history.time[1:], control=False)
+    names = [*truth.states[: len(model.vehicle.rates)], *truth.outputs]
+    for name in names:
+        of_mean = np.abs(history.mean[name][1:] - truth.mean[name]) / truth.mean_standard_error[name]
+        of_variance = np.abs(history.variance[name][1:] - truth.variance[name]) / truth.variance_standard_error[name]
+        assert (of_mean < 4.0).all(), name
+        assert (of_variance < 4.0).all(), name
