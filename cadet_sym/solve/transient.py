@@ -27,11 +27,8 @@ from cadet_sym.solve.cvodes import Direct
 from cadet_sym.solve.definite import lost, warn_of_loss
 from cadet_sym.solve.evaluate import gains
 from cadet_sym.solve.krylov import Stepping
-<<<<<<< HEAD
-from cadet_sym.solve.onset import past_onset
-=======
 from cadet_sym.solve.native import Native
->>>>>>> b531a29 (Let a C compiler make the integrator of a small model; integrate what swings by Adams formulas)
+from cadet_sym.solve.onset import past_onset
 from cadet_sym.solve.scales import Tolerance, fits, peaks
 
 __all__ = ["ENGINES", "Start", "Trajectory", "check_times", "integrate"]
@@ -53,10 +50,9 @@ SMALL_DELAYED = 700
 SPARSE = 600
 """The same where N has at most four entries a row (33 states)."""
 
-<<<<<<< HEAD
 BETWEEN = 100.0
 """How much more the correlation with the ground between two wheels may err: it is smoothed on its way to the wheel behind."""
-=======
+
 NATIVE = 150
 """Packed moments up to which machine code of a whole integrator is made in seconds (15 states) ..."""
 
@@ -65,7 +61,6 @@ QUICK = 20_000.0
 
 BUILT = 2500
 """Packed moments above which an integrator of CasADi's takes long to build (70 states)."""
->>>>>>> b531a29 (Let a C compiler make the integrator of a small model; integrate what swings by Adams formulas)
 
 FEW = 6
 """... unless the run has more stretches than this, each of which needs an integrator of its own."""
@@ -153,17 +148,11 @@ def integrate(
         raise ModelError(f"`{engine}` is not an engine; those are: {', '.join(ENGINES)}.")
     began = time.perf_counter()
     packing = lowered.facts.packing
-<<<<<<< HEAD
-    kind = engine if engine != "auto" else _choose(lowered, start, grid)
-    size = _sizes(lowered, start, float(grid[-1]), kind, declared)
+    kind = engine if engine != "auto" else _chosen(lowered, start, grid)
+    size = _sizes(lowered, start, float(grid[-1]), "direct" if kind == "native" else kind, declared)
     if (later := past_onset(lowered, start.y, start.p, float(grid[grid > 0].min(initial=grid[-1])))) is not None:
         start = replace(start, time=later[0], y=later[1])
     y, used = _march(lowered, start, grid, kind, _tolerance(rtol, size, packing), rtol)
-=======
-    kind = engine if engine != "auto" else _chosen(lowered, start, grid)
-    size = _sizes(lowered, start, float(grid[-1]), "direct" if kind == "native" else kind, declared)
-    y, used = _march(lowered, start, grid, kind, _tolerance(rtol, size), rtol)
->>>>>>> b531a29 (Let a C compiler make the integrator of a small model; integrate what swings by Adams formulas)
     if not fits(size, y, packing):
         size = peaks(np.vstack([start.y, y]), packing)
         y, used = _march(lowered, start, grid, kind, _tolerance(rtol, size, packing), rtol)
