@@ -107,7 +107,7 @@ def test_simulated_tracks_share_what_was_declared():
     model = toml(MODEL.format(coherence=COHERENT + "width = 1.6"))
     times = [1.0, 2.0]
     exact = cs.compile(model).propagate(times, rtol=1e-8)
-    truth = cs.simulate(model, paths=4000, seed=3, times=times, control=False)
+    truth = cs.simulate(model, paths=4000, seed=3, times=times)
     for name in ("x", "p", "apart", "rear"):
         error = np.abs(np.asarray(exact.variance[name]) - np.asarray(truth.variance[name]))
         assert (error < 4.5 * np.asarray(truth.variance_standard_error[name])).all(), name

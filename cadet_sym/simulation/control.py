@@ -37,6 +37,7 @@ _WORTH = 1.2  # times by which other paths' variance must fall for the estimate 
 _PER_DIRECTION = 6
 _OWN_DIRECTIONS = 3  # states of an output that is not linear, up to which each is a direction of its own
 _RANK = 1e-10  # of the largest eigenvalue of the controls' correlation: smaller ones carry nothing
+_KNOWN = 1e-7  # relative: how well the moments of the twin are known; a linear system is its own twin
 _ALARM = 6.0  # standard errors by which a control's mean may differ from zero
 
 
@@ -159,11 +160,13 @@ class ControlTally:
         spreads = np.sqrt(np.maximum(np.diagonal(whole, axis1=1, axis2=2)[:, 3:] / n - means**2, 0.0) / n)
         with np.errstate(divide="ignore", invalid="ignore"):
             off = np.where(spreads > 0.0, np.abs(means) / spreads, 0.0)
+        mean, variance = self.centre + self.unit * best[0], self.unit**2 * best[1]
+        known = _KNOWN * np.abs(variance)
         return Controlled(
-            mean=self.centre + self.unit * best[0],
-            variance=self.unit**2 * best[1],
-            mean_standard_error=self.unit * error[0],
-            variance_standard_error=self.unit**2 * error[1],
+            mean=mean,
+            variance=variance,
+            mean_standard_error=np.hypot(self.unit * error[0], _KNOWN * np.abs(mean) + np.sqrt(_KNOWN * known)),
+            variance_standard_error=np.hypot(self.unit**2 * error[1], known),
             alarm=float(off.max(initial=0.0)),
         )
 
