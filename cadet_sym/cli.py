@@ -301,7 +301,7 @@ def export(
         str | None, typer.Option(metavar="NAME", help="What names in C begin with; the model file's name if not given.")
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Write to a folder that holds other files, too.")] = False,
-    fmu: Annotated[bool, typer.Option("--fmu", help="Add a functional mock-up unit (FMI 3.0).")] = False,
+    fmu: Annotated[bool, typer.Option("--fmu", help="Add mock-up units, FMI 3.0 and 2.0.")] = False,
     matlab: Annotated[bool, typer.Option("--matlab", help="Add the equations as a MATLAB function.")] = False,
 ) -> None:
     """Write the compiled equations as a C library."""

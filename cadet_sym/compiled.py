@@ -474,7 +474,8 @@ class CompiledModel:
         path : folder to write to, whole or not at all; made if it is missing.
         prefix : what all public names of the library begin with; by default the model's name.
         force : write to a folder that holds files that are not ours, too; they stay.
-        fmu : add a functional mock-up unit, FMI 3.0 model exchange (needs gcc and FMPy).
+        fmu : add functional mock-up units: PREFIX.fmu, FMI 3.0 model exchange, and PREFIX_cs.fmu, FMI 2.0 co-simulation
+            (needs gcc and FMPy).
         matlab : add the equations as a MATLAB (or GNU Octave) function.
 
         Raises

@@ -56,6 +56,11 @@ def test_keywords_do_no_harm_behind_a_prefix():
     assert all(prefix_of(word) for word in keyword.kwlist)
 
 
+@pytest.mark.parametrize("name", ["main", "Test", "fmi2", "m", "c", "all", "reference"])
+def test_names_of_other_files_and_targets_are_left_alone(name):
+    assert prefix_of(name) == f"m_{name.lower()}"
+
+
 def test_a_new_folder_is_written_whole(tmp_path):
     folder = write_folder(tmp_path / "a" / "b", {"x.c": "1", "src/y.c": b"2"}, ABOUT)
     assert (folder / "x.c").read_text() == "1"

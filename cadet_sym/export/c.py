@@ -19,14 +19,14 @@ import numpy as np
 import numpy.typing as npt
 
 from cadet_sym.export.description import equations_text
-from cadet_sym.export.fmu import check_fmu_tools, fmu_bytes
+from cadet_sym.export.fmu import check_fmu_tools, unit_files
 from cadet_sym.export.folder import check_folder, write_folder
 from cadet_sym.export.ground import GroundTables, ground_tables, start_values
 from cadet_sym.export.matlab import matlab_text
 from cadet_sym.export.names import c_comment, c_string, identifiers, prefix_of
 from cadet_sym.export.program import Program, translate
-from cadet_sym.export.reference import reference_text
-from cadet_sym.export.tables import array, constant
+from cadet_sym.export.reference import Sample, reference_text, sample
+from cadet_sym.export.tables import array, constant, rows
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.lowering.portable import PortableFunctions, portable
 from cadet_sym.solve.start import profile_mean
@@ -83,7 +83,7 @@ def export_c(
     path : folder to write to; made if it is missing.
     prefix : what all public names begin with; by default the model's name.
     force : write to a folder that holds other files, too.
-    fmu : add a functional mock-up unit, FMI 3.0 model exchange.
+    fmu : add functional mock-up units, NAME.fmu (FMI 3.0 model exchange) and NAME_cs.fmu (FMI 2.0 co-simulation).
     matlab : add the equations as a MATLAB (or GNU Octave) function.
 
     Raises
@@ -95,11 +95,14 @@ def export_c(
     if fmu:
         check_fmu_tools()
     written = library(lowered, run, prefix)
-    files: dict[str, str | bytes] = {**written.files()}
+    library_files = written.files()
+    files: dict[str, str | bytes] = {**library_files}
     if matlab:
         files[f"{written.prefix}.m"] = matlab_text(lowered, run.p, run.start, written.prefix)
     if fmu:
-        files[f"{written.prefix}.fmu"] = fmu_bytes(lowered, run.p, run.start, run.duration, written.prefix)
+        nominals = {"nominals": rows(f"{size:g}" for size in written.sample.size)}
+        templates = {name: written.filled(name, nominals) for name in ("unit.h", "fmi2.c", "fmi3.c")}
+        files |= unit_files(lowered, run.p, run.duration, written.prefix, library_files, templates)
     return write_folder(path, files, written.about, force=force)
 
 
@@ -163,6 +166,11 @@ class Library:
         """Places of the Jacobian's entries."""
         return self.ground.pattern
 
+    @cached_property
+    def sample(self) -> Sample:
+        """Moments such as a run has."""
+        return sample(self.lowered, self.run.p, self.run.start, self.run.duration)
+
     @property
     def steady(self) -> bool:
         """Whether the run starts in the stationary state."""
@@ -171,7 +179,7 @@ class Library:
     def files(self) -> dict[str, str]:
         """Name to content of every file."""
         name = self.prefix
-        found = {f"{name}.h": self._filled("header.h", self._header()), f"{name}_real.h": self._filled("real.h")}
+        found = {f"{name}.h": self.filled("header.h", self._header()), f"{name}_real.h": self.filled("real.h")}
         found[f"{name}.c"] = self._tables()
         for suffix, keys in SOURCES.items():
             parts = [self.programs[key].text for key in keys]
@@ -183,19 +191,20 @@ class Library:
             "real": "ground" if self.ground.gaps else "real",
         }
         for template in TEMPLATES:
-            found[f"{name}_{template}.c"] = self._filled(f"{template}.c", choices)
+            found[f"{name}_{template}.c"] = self.filled(f"{template}.c", choices)
         found[f"{name}_start.c"] = self._start()
         if self.ground.gaps:
-            found[f"{name}_ground.h"] = self._filled("ground.h", self.ground.header())
-            found[f"{name}_ground.c"] = self._filled("ground.c", self.ground.source(name))
+            found[f"{name}_ground.h"] = self.filled("ground.h", self.ground.header())
+            found[f"{name}_ground.c"] = self.filled("ground.c", self.ground.source(name))
         blocks = "blocks" if self.ground.gaps else "dense"
-        found[f"{name}_{blocks}.c"] = self._filled(f"{blocks}.c")
+        found[f"{name}_{blocks}.c"] = self.filled(f"{blocks}.c")
         sources = sorted(file for file in found if file.endswith(".c"))
-        found["main.c"] = self._filled("main.c")
-        found["test.c"] = self._filled("test.c")
-        found["reference.h"] = reference_text(self.lowered, self.run.p, self.run.start, self.run.duration)
-        found["Makefile"] = self._filled("Makefile", {"objects": " ".join(f"{s[:-2]}.o" for s in sources)})
-        found["CMakeLists.txt"] = self._filled("CMakeLists.txt", {"sources": " ".join(sources)})
+        found["main.c"] = self.filled("main.c")
+        found["test.c"] = self.filled("test.c")
+        run = self.run.p, self.run.start, self.run.duration
+        found["reference.h"] = reference_text(self.lowered, *run, self.sample)
+        found["Makefile"] = self.filled("Makefile", {"objects": " ".join(f"{s[:-2]}.o" for s in sources)})
+        found["CMakeLists.txt"] = self.filled("CMakeLists.txt", {"sources": " ".join(sources)})
         found["README.md"] = self._readme()
         return found
 
@@ -207,13 +216,14 @@ class Library:
     def _start(self) -> str:
         """The moments at the start."""
         if self.steady:
-            return self._filled("steady.c", {"tables": array("static const R start", map(constant, self.run.start.tolist()))})
+            return self.filled("steady.c", {"tables": array("static const R start", map(constant, self.run.start.tolist()))})
         include = f'#include "{self.prefix}_ground.h"\n' if self.ground.gaps else ""
         prototype = f"void {self.prefix}_start_parts(const R *restrict p, R *restrict parts);\n"
         values = start_values(self.functions, self.ground, map(constant, self._profile.tolist()))
-        return self._filled("start.c", {**values, "include": include + prototype})
+        return self.filled("start.c", {**values, "include": include + prototype})
 
-    def _filled(self, template: str, values: Mapping[str, object] | None = None) -> str:
+    def filled(self, template: str, values: Mapping[str, object] | None = None) -> str:
+        """A template with the names of this library."""
         text = resources("cadet_sym.export").joinpath("templates", template).read_text(encoding="utf-8")
         for key, value in {**(values or {}), "p": self.prefix, "P": self.prefix.upper()}.items():
             text = text.replace(f"@{key}@", str(value))
@@ -315,7 +325,7 @@ class Library:
         packing = self.lowered.equations.packing
         equations = "\n".join(f"    {line}".rstrip() for line in equations_text(self.lowered.equations))
         costs = "\n".join(f"    {line}" for line in self._costs())
-        return self._filled(
+        return self.filled(
             "README.md",
             {
                 "title": self.model_name or name,

@@ -50,10 +50,22 @@ def identifiers(names: Iterable[str]) -> dict[str, str]:
     return found
 
 
+TAKEN = frozenset(
+    {
+        # files of ours beside the library's
+        *("main", "test", "reference", "unit", "fmi2", "fmi3"),
+        # libraries that it is linked with
+        *("m", "c"),
+        # what make and CMake call targets of their own
+        *("all", "clean", "help", "install", "package", "edit_cache", "rebuild_cache", "preinstall"),
+    }
+)
+
+
 def prefix_of(name: str) -> str:
-    """What every public name of a library begins with: small letters, not a digit first."""
+    """What every public name of a library begins with: small letters, not a digit first, no name that is taken."""
     base = identifier(name).lower()
-    return base if base[0].isalpha() else f"m_{base}"
+    return base if base[0].isalpha() and base not in TAKEN else f"m_{base}"
 
 
 def c_string(text: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -15,24 +16,32 @@ from cadet_sym.packing import Packing
 from cadet_sym.solve.breakpoints import find_breakpoints
 from cadet_sym.solve.transient import Start, integrate
 
-__all__ = ["reference_text"]
+__all__ = ["Sample", "reference_text", "sample"]
 
 Array = npt.NDArray[np.float64]
 
 
-def reference_text(lowered: MomentFunctions, p: Array, y0: Array, duration: float) -> str:
-    """The header of the test program, rounded so that another machine's libm gives the same text.
+@dataclass(frozen=True)
+class Sample:
+    """A time in the model's own run, the moments there, rounded, and the size of each to one digit."""
 
-    Parameters
-    ----------
-    lowered : the moment equations.
-    p, y0 : parameters, and packed moments at the start.
-    duration : of the model's own run.
-    """
-    end, y = _sample(lowered, p, y0, duration)
+    t: float
+    y: Array
+    size: Array
+
+
+def sample(lowered: MomentFunctions, p: Array, y0: Array, duration: float) -> Sample:
+    """Find moments such as a run has: `p` and `y0` are the parameters, and the packed moments at the start."""
+    end, y = _reached(lowered, p, y0, duration)
     size = _sizes(lowered.facts.packing, y)
     # five digits of its size: no other integrator or machine gives another text
-    y = np.array([float(f"{value:.9g}") for value in np.round(y / (1e-5 * size)) * (1e-5 * size)])
+    rounded = np.round(y / (1e-5 * size)) * (1e-5 * size)
+    return Sample(end, np.array([float(f"{value:.9g}") for value in rounded]), size)
+
+
+def reference_text(lowered: MomentFunctions, p: Array, y0: Array, duration: float, at: Sample) -> str:
+    """The header of the test program, rounded so that another machine's libm gives the same text."""
+    end, y, size = at.t, at.y, at.size
     mean, variance = lowered.outputs(end, y, p)
     numbers: dict[str, Iterable[float]] = {
         "initial": y0,
@@ -56,7 +65,7 @@ def reference_text(lowered: MomentFunctions, p: Array, y0: Array, duration: floa
     return "\n".join(lines) + "\n"
 
 
-def _sample(lowered: MomentFunctions, p: Array, y0: Array, duration: float) -> tuple[float, Array]:
+def _reached(lowered: MomentFunctions, p: Array, y0: Array, duration: float) -> tuple[float, Array]:
     """A time in the run and the moments there; the start itself if the run breaks down."""
     packing = lowered.facts.packing
     # whole runs of larger models take long; the comparison needs only a part

@@ -248,7 +248,7 @@ static void transport(const half_car_acceleration_gap *gap, const R *restrict N,
     }
 }
 
-static void ground_rate(const R *restrict y, const R *restrict parts, R *restrict dy)
+static void rate_of_ground(const R *restrict y, const R *restrict parts, R *restrict dy)
 {
     for (int g = 0; g < HALF_CAR_ACCELERATION_GAPS; g++) {
         differentiate(half_car_acceleration_gaps + g, y, parts + half_car_acceleration_gaps[g].entering, dy);
@@ -305,7 +305,7 @@ static void add_part(int g, int part, int column, R x, const R *restrict y, cons
                 -speed * gap->derivative[j * (gap->nodes + 1)] * x);
 }
 
-static void ground_jacobian(const R *restrict y, const R *restrict parts, const R *restrict own,
+static void jacobian_of_ground(const R *restrict y, const R *restrict parts, const R *restrict own,
                             const R *restrict of_parts, R *restrict values)
 {
     R slope[SIZE];
@@ -327,14 +327,14 @@ void half_car_acceleration_rate(R t, const R *restrict y, const R *restrict p, R
 {
     R parts[HALF_CAR_ACCELERATION_PARTS];
     half_car_acceleration_rate_parts(t, y, p, dy, parts);
-    ground_rate(y, parts, dy);
+    rate_of_ground(y, parts, dy);
 }
 
 void half_car_acceleration_held_rate(R t, R s, R V, const R *restrict y, const R *restrict p, R *restrict dy)
 {
     R parts[HALF_CAR_ACCELERATION_PARTS];
     half_car_acceleration_held_rate_parts(t, s, V, y, p, dy, parts);
-    ground_rate(y, parts, dy);
+    rate_of_ground(y, parts, dy);
 }
 
 void half_car_acceleration_jacobian(R t, const R *restrict y, const R *restrict p, R *restrict values)
@@ -342,7 +342,7 @@ void half_car_acceleration_jacobian(R t, const R *restrict y, const R *restrict 
     R parts[HALF_CAR_ACCELERATION_PARTS], dy[SIZE], own[962], of_parts[142 > 0 ? 142 : 1];
     half_car_acceleration_rate_parts(t, y, p, dy, parts);
     half_car_acceleration_jacobian_parts(t, y, p, own, of_parts);
-    ground_jacobian(y, parts, own, of_parts, values);
+    jacobian_of_ground(y, parts, own, of_parts, values);
 }
 
 void half_car_acceleration_held_jacobian(R t, R s, R V, const R *restrict y, const R *restrict p, R *restrict values)
@@ -350,7 +350,7 @@ void half_car_acceleration_held_jacobian(R t, R s, R V, const R *restrict y, con
     R parts[HALF_CAR_ACCELERATION_PARTS], dy[SIZE], own[962], of_parts[142 > 0 ? 142 : 1];
     half_car_acceleration_held_rate_parts(t, s, V, y, p, dy, parts);
     half_car_acceleration_held_jacobian_parts(t, s, V, y, p, own, of_parts);
-    ground_jacobian(y, parts, own, of_parts, values);
+    jacobian_of_ground(y, parts, own, of_parts, values);
 }
 
 void half_car_acceleration_slope(R t, const R *restrict y, const R *restrict p, R *restrict slope)

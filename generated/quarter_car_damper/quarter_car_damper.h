@@ -122,7 +122,7 @@ typedef enum {
     QUARTER_CAR_DAMPER_TOO_MANY_STEPS, /* the explicit method on a stiff problem, or a tolerance that is too tight */
     QUARTER_CAR_DAMPER_STEP_TOO_SMALL, /* the moments grow without bound, or the tolerance is below rounding */
     QUARTER_CAR_DAMPER_NOT_FINITE,     /* a rate is not a number: check the parameters and the start */
-    QUARTER_CAR_DAMPER_SINGULAR,       /* a linear system has no solution: a state that drifts has no stationary moments */
+    QUARTER_CAR_DAMPER_SINGULAR,       /* a linear system has no solution: states, or a combination of them, drift without bound */
     QUARTER_CAR_DAMPER_NO_CONVERGENCE, /* no stationary moments were found from this start */
     QUARTER_CAR_DAMPER_NOT_SEMIDEFINITE /* what was found is not a covariance */
 } quarter_car_damper_status;
@@ -131,13 +131,19 @@ const char *quarter_car_damper_status_text(quarter_car_damper_status status);
 
 /* ---- Propagation ----------------------------------------------------------------------------------------- */
 
+/* A linear system with the Jacobian, decomposed. */
+typedef struct {
+    quarter_car_damper_real matrix[QUARTER_CAR_DAMPER_SIZE * QUARTER_CAR_DAMPER_SIZE];
+    int pivots[QUARTER_CAR_DAMPER_SIZE];
+} quarter_car_damper_factors;
+
 /* Working memory of the stiff method; of no interest otherwise. */
 typedef struct {
     quarter_car_damper_real values[QUARTER_CAR_DAMPER_NONZEROS > 0 ? QUARTER_CAR_DAMPER_NONZEROS : 1];
-    quarter_car_damper_real matrix[QUARTER_CAR_DAMPER_SIZE * QUARTER_CAR_DAMPER_SIZE];
     quarter_car_damper_real stages[6][QUARTER_CAR_DAMPER_SIZE];
     quarter_car_damper_real slope[QUARTER_CAR_DAMPER_SIZE];
-    int pivots[QUARTER_CAR_DAMPER_SIZE];
+    quarter_car_damper_real diagonal[QUARTER_CAR_DAMPER_SIZE];
+    quarter_car_damper_factors factors;
 } quarter_car_damper_stiff;
 
 /* A run in progress. Set up with quarter_car_damper_begin; the fields up to the blank line may then be changed. */
@@ -174,11 +180,10 @@ enum { QUARTER_CAR_DAMPER_STEP_OPERATIONS = 4 * QUARTER_CAR_DAMPER_RATE_OPERATIO
 
 typedef struct {
     quarter_car_damper_real values[QUARTER_CAR_DAMPER_NONZEROS > 0 ? QUARTER_CAR_DAMPER_NONZEROS : 1];
-    quarter_car_damper_real matrix[QUARTER_CAR_DAMPER_SIZE * QUARTER_CAR_DAMPER_SIZE];
     quarter_car_damper_real second[QUARTER_CAR_DAMPER_SIZE * QUARTER_CAR_DAMPER_SIZE];
     quarter_car_damper_real third[QUARTER_CAR_DAMPER_SIZE * QUARTER_CAR_DAMPER_SIZE];
-    quarter_car_damper_real vectors[9][QUARTER_CAR_DAMPER_SIZE];
-    int pivots[QUARTER_CAR_DAMPER_SIZE];
+    quarter_car_damper_real vectors[11][QUARTER_CAR_DAMPER_SIZE];
+    quarter_car_damper_factors factors;
     int left_out[QUARTER_CAR_DAMPER_SIZE];
 } quarter_car_damper_stationary_work;
 
@@ -195,9 +200,12 @@ typedef struct {
 
 void quarter_car_damper_stationary_begin(quarter_car_damper_stationary_problem *problem, quarter_car_damper_real speed, quarter_car_damper_stationary_work *work);
 
-/* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none.
- * Wheels that follow each other are as exact as the grid between them. */
+/* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none. */
 quarter_car_damper_status quarter_car_damper_stationary(quarter_car_damper_stationary_problem *problem, const quarter_car_damper_real *p, quarter_car_damper_real *y);
+
+/* y at t = 0, stationary where the model starts so (`work` is needed then only; 0 else). */
+enum { QUARTER_CAR_DAMPER_STEADY_START = 0 };
+quarter_car_damper_status quarter_car_damper_start(const quarter_car_damper_real *p, quarter_car_damper_stationary_work *work, quarter_car_damper_real *y);
 
 /* The rate, its Jacobian (pattern as above) and the outputs at a speed held constant. */
 void quarter_car_damper_held_rate(quarter_car_damper_real t, quarter_car_damper_real s, quarter_car_damper_real V, const quarter_car_damper_real *QUARTER_CAR_DAMPER_RESTRICT y,
@@ -218,6 +226,9 @@ enum { QUARTER_CAR_DAMPER_DISTANCE = 0 };
 /* LU decomposition with pivoting, in place, of a full matrix (column by column); 0 if it is singular. */
 int quarter_car_damper_decompose(int n, quarter_car_damper_real *matrix, int *pivots);
 void quarter_car_damper_solve(int n, const quarter_car_damper_real *matrix, const int *pivots, quarter_car_damper_real *x);
+/* factor * Jacobian + a diagonal matrix, decomposed; 0 if it is singular. x becomes the solution for x. */
+int quarter_car_damper_factorise(const quarter_car_damper_real *values, quarter_car_damper_real factor, const quarter_car_damper_real *diagonal, quarter_car_damper_factors *factors);
+void quarter_car_damper_backsolve(const quarter_car_damper_factors *factors, quarter_car_damper_real *x);
 /* Add factor * Jacobian to a full matrix. */
 void quarter_car_damper_add_jacobian(const quarter_car_damper_real *values, quarter_car_damper_real factor, quarter_car_damper_real *matrix);
 

@@ -85,7 +85,7 @@ const char *quarter_car_damper_status_text(quarter_car_damper_status status)
         "too many steps: use the stiff method, or a wider tolerance",
         "the step became too small: the moments grow without bound, or the tolerance is below rounding",
         "a rate is not a number: check the parameters and the start",
-        "a linear system is singular: a state that drifts has no stationary moments",
+        "a linear system is singular: a state, or a combination of states, drifts and has no stationary moments",
         "no stationary moments were found from this start",
         "what was found is not a covariance",
     };

@@ -133,12 +133,9 @@ static R stiff_step(quarter_car_damper_run *run, const R *p, R h, R last)
     R sum = K(0.0);
     quarter_car_damper_jacobian(run->t, run->y, p, work->values);
     quarter_car_damper_slope(run->t, run->y, p, work->slope);
-    for (int i = 0; i < SIZE * SIZE; i++)
-        work->matrix[i] = K(0.0);
-    quarter_car_damper_add_jacobian(work->values, K(-1.0), work->matrix);
     for (int i = 0; i < SIZE; i++)
-        work->matrix[i * SIZE + i] += K(1.0) / (K(0.25) * h);
-    if (!quarter_car_damper_decompose(SIZE, work->matrix, work->pivots))
+        work->diagonal[i] = K(1.0) / (K(0.25) * h);
+    if (!quarter_car_damper_factorise(work->values, K(-1.0), work->diagonal, &work->factors))
         return K(1e10);
     for (int stage = 0; stage < 6; stage++) {
         for (int i = 0; i < SIZE; i++) {
@@ -154,7 +151,7 @@ static R stiff_step(quarter_car_damper_run *run, const R *p, R h, R last)
                 right += c[stage][j] / h * k[j][i];
             k[stage][i] = right;
         }
-        quarter_car_damper_solve(SIZE, work->matrix, work->pivots, k[stage]);
+        quarter_car_damper_backsolve(&work->factors, k[stage]);
     }
     for (int i = 0; i < SIZE; i++) {
         next[i] += k[5][i];

@@ -1,43 +1,191 @@
+/* The moments at the start: standing on stationary ground, or on ground that is smooth behind the start. */
 #include "quarter_car_damper_real.h"
+void quarter_car_damper_start_parts(const R *restrict p, R *restrict parts);
+
+enum {
+    SIZE = QUARTER_CAR_DAMPER_SIZE, STATES = QUARTER_CAR_DAMPER_STATES, VEHICLE = 4, GROUND = 1, TRACKS = 1, MOST = 1
+};
+
+static const struct { int first, states, parts; } copies[] = {{0, 1, 24}};
+static const struct { int count, distances, members[1]; } tracks[] = {
+    {1, 27, {0}}
+};
+static const R profile[STATES] = {
+    K(0.0), K(0.0), K(0.0), K(0.0), K(0.0)
+};
+
+#if 1 > 0
+/* P of C P + P C' + forcing = 0: r^2 equations. Matrices are column by column here. */
+static void lyapunov(int r, const R *C, const R *forcing, R *P)
+{
+    R matrix[MOST * MOST];
+    int pivots[MOST];
+    for (int i = 0; i < r * r * r * r; i++)
+        matrix[i] = K(0.0);
+    for (int j = 0; j < r; j++)
+        for (int i = 0; i < r; i++) {
+            P[j * r + i] = -forcing[j * r + i];
+            for (int k = 0; k < r; k++) {
+                matrix[(j * r + k) * r * r + j * r + i] += C[k * r + i];
+                matrix[(k * r + i) * r * r + j * r + i] += C[k * r + j];
+            }
+        }
+    quarter_car_damper_decompose(r * r, matrix, pivots);
+    quarter_car_damper_solve(r * r, matrix, pivots, P);
+    for (int j = 0; j < r; j++)
+        for (int i = 0; i < j; i++)
+            P[j * r + i] = P[i * r + j] = (P[j * r + i] + P[i * r + j]) / K(2.0);
+}
+
+static void multiply(int rows, int inner, int columns, const R *a, const R *b, R *product)
+{
+    for (int j = 0; j < columns; j++)
+        for (int i = 0; i < rows; i++) {
+            R sum = K(0.0);
+            for (int k = 0; k < inner; k++)
+                sum += a[k * rows + i] * b[j * inner + k];
+            product[j * rows + i] = sum;
+        }
+}
+#endif
+
+#if 0 > 0
+/* Values at the nodes of all elements of a gap of G' = scale C G / h, and at its end, from the inflow: one column. */
+static void collocate(const quarter_car_damper_gap *gap, int r, const R *C, R scale, R *tail, R *values)
+{
+    const int n = r * gap->nodes;
+    R matrix[MOST * MOST];
+    int pivots[MOST];
+    for (int i = 0; i < n * n; i++)
+        matrix[i] = K(0.0);
+    for (int j = 0; j < gap->nodes; j++)
+        for (int i = 0; i < r; i++) {
+            for (int m = 0; m < gap->nodes; m++)
+                matrix[(m * r + i) * n + j * r + i] += gap->derivative[j * (gap->nodes + 1) + m + 1];
+            for (int k = 0; k < r; k++)
+                matrix[(j * r + k) * n + j * r + i] -= scale * C[k * r + i];
+        }
+    quarter_car_damper_decompose(n, matrix, pivots);
+    for (int e = 0; e < gap->elements; e++, values += n) {
+        for (int j = 0; j < gap->nodes; j++)
+            for (int i = 0; i < r; i++)
+                values[j * r + i] = -gap->derivative[j * (gap->nodes + 1)] * tail[i];
+        quarter_car_damper_solve(n, matrix, pivots, values);
+        for (int i = 0; i < r; i++)
+            tail[i] = values[n - r + i];
+    }
+}
+
+#if !1
+/* G behind the wheels of a gap: what each filter copy has met, and what the vehicle carries of it. */
+static void behind(const quarter_car_damper_gap *gap, R length, const R *parts, const R *map, int copy, R *tail, R *y)
+{
+    const int r = copies[copy].states, nodes = gap->elements * gap->nodes;
+    R values[LONGEST];
+    for (int q = 0; q < gap->columns; q++) {
+        collocate(gap, r, parts + copies[copy].parts, length / (R)gap->elements, tail + q * r, values);
+        for (int j = 0; j < nodes; j++) {
+            R *G = y + gap->first + (j * gap->columns + q) * STATES;
+            for (int i = 0; i < r; i++) {
+                const int state = copies[copy].first + i;
+                G[VEHICLE + state] = values[j * r + i];
+                for (int k = 0; k < VEHICLE; k++)
+                    G[k] += map[state * VEHICLE + k] * values[j * r + i];
+            }
+        }
+    }
+}
+#endif
+
+static void between(const R *parts, const R *map, R *y)
+{
+    const quarter_car_damper_gap *gap = quarter_car_damper_gaps;
+    R tails[COPIES * WIDEST];
+    for (int i = HEAD; i < SIZE; i++)
+        y[i] = K(0.0);
+#if 1
+    const R *N = parts + LAST_PART, V = N[STATES * STATES], *entering = N + STATES * STATES + 1;
+    (void)map;
+#endif
+    for (int track = 0; track < TRACKS; track++) {
+        for (int i = 0; i < COPIES * WIDEST; i++)
+            tails[i] = K(0.0);
+        for (int k = 0; k + 1 < tracks[track].count; k++, gap++) {
+            const R length = parts[tracks[track].distances + k];
+#if 1
+            /* nothing is read before the gates open: any smooth data will do, those of steady travel do best */
+            R values[LONGEST];
+            for (int q = 0; q < gap->columns; q++) {
+                R *tail = tails + q * STATES;
+                for (int i = 0; i < STATES; i++)
+                    tail[i] += *entering++;
+                if (V > K(1e-9))
+                    collocate(gap, STATES, N, length / (R)gap->elements / V, tail, values);
+                for (int j = 0; j < gap->elements * gap->nodes; j++)
+                    for (int i = 0; i < STATES; i++)
+                        y[gap->first + (j * gap->columns + q) * STATES + i] =
+                            V > K(1e-9) ? values[j * STATES + i] : tail[i];
+            }
+#else
+            const int here = tracks[track].members[k], r = copies[here].states;
+            for (int i = 0; i < r * gap->columns; i++)
+                tails[k * WIDEST + i] = parts[copies[here].parts + 2 * r * r + i];
+            for (int c = 0; c <= k; c++)
+                behind(gap, length, parts, map, tracks[track].members[c], tails + c * WIDEST, y);
+#endif
+        }
+    }
+}
+#endif
 
 void quarter_car_damper_initial(const R *restrict p, R *restrict y)
 {
-    (void)p;
-    y[0] = K(0.0);
-    y[1] = K(0.0);
-    y[2] = K(0.0);
-    y[3] = K(0.0);
-    y[4] = K(0.0);
-    y[5] = K(0.0);
-    y[6] = K(0.0);
-    y[7] = K(0.0);
-    y[8] = K(0.0);
-    y[9] = K(0.0);
-    y[10] = K(0.0);
-    y[11] = K(0.0);
-    y[12] = K(0.0);
-    y[13] = K(0.0);
-    y[14] = K(0.0);
-    y[15] = K(0.0);
-    y[16] = K(0.0);
-    y[17] = K(0.0);
-    y[18] = K(0.0);
-    y[19] = K(0.0);
-}
-
-void quarter_car_damper_motion(R t, const R *restrict p, R *restrict motion)
-{
-    motion[0] = p[9];
-    motion[1] = K(0.0);
-    const R a2 = p[9] * t;
-    motion[2] = a2;
-    motion[3] = K(0.0);
-}
-
-void quarter_car_damper_switches(R t, R s, const R *restrict p, R *restrict g)
-{
-    (void)t;
-    (void)s;
-    (void)p;
-    (void)g;
+    R parts[27];
+    const R *offset = parts, *delta = parts + VEHICLE + VEHICLE * GROUND;
+    quarter_car_damper_start_parts(p, parts);
+    for (int i = 0; i < STATES; i++)
+        y[i] = profile[i] + (i < VEHICLE ? offset[i] : K(0.0));
+    for (int j = 0, k = STATES; j < STATES; j++)
+        for (int i = j; i < STATES; i++, k++)
+            y[k] = i < VEHICLE ? delta[j * VEHICLE + i] : K(0.0);
+#if 1 > 0
+    const R *map = parts + VEHICLE;
+    R P[GROUND * GROUND], cross[VEHICLE * GROUND + 1], motion[4];
+    for (int i = 0; i < GROUND * GROUND; i++)
+        P[i] = K(0.0);
+    for (int track = 0; track < (1 ? 0 : TRACKS); track++)
+        for (int b = 0; b < tracks[track].count; b++) {
+            const int copy = tracks[track].members[b], r = copies[copy].states, column = copies[copy].first;
+            R own[MOST * MOST];
+            lyapunov(r, parts + copies[copy].parts, parts + copies[copy].parts + r * r, own);
+            for (int i = 0; i < r * r; i++)
+                P[(column + i / r) * GROUND + column + i % r] = own[i];
+#if 0 > 0
+            /* what a wheel in front has met is what this one meets, and what came between them */
+            for (int a = b - 1; a >= 0; a--) {
+                const int row = copies[tracks[track].members[a]].first;
+                quarter_car_damper_carry(r, parts + copies[copy].parts, parts[tracks[track].distances + a], r, own);
+                for (int i = 0; i < r * r; i++)
+                    P[(column + i / r) * GROUND + row + i % r] = P[(row + i % r) * GROUND + column + i / r] = own[i];
+            }
+#endif
+        }
+    multiply(VEHICLE, GROUND, GROUND, map, P, cross);
+    for (int j = 0, k = STATES; j < STATES; j++)
+        for (int i = j; i < STATES; i++, k++) {
+            if (j >= VEHICLE)
+                y[k] = P[(j - VEHICLE) * GROUND + i - VEHICLE];
+            else if (i >= VEHICLE)
+                y[k] = cross[(i - VEHICLE) * VEHICLE + j];
+            else
+                for (int m = 0; m < GROUND; m++)
+                    y[k] += cross[m * VEHICLE + i] * map[m * VEHICLE + j];
+        }
+    quarter_car_damper_motion(K(0.0), p, motion);
+    if (QUARTER_CAR_DAMPER_DISTANCE)
+        y[QUARTER_CAR_DAMPER_MOMENTS] = motion[3];
+#endif
+#if 0 > 0
+    between(parts, map, y);
+#endif
 }

@@ -5,7 +5,7 @@ enum { SIZE = QUARTER_CAR_DAMPER_SIZE, STATES = QUARTER_CAR_DAMPER_STATES };
 #define RESIDUAL (K(1e5) * ROUNDING) /* over the size of the equations' own terms */
 #define STEP (K(1e2) * M(sqrt)(ROUNDING)) /* of the last Newton step over the standard deviations: its square is the error */
 
-enum { RATE, FIRST, TRIAL, TRIAL_RATE, SCALE, OTHER, BEST, START, UNSTABLE };
+enum { RATE, FIRST, TRIAL, TRIAL_RATE, SCALE, OTHER, BEST, START, UNSTABLE, DIAGONAL, CORRECTION };
 
 void quarter_car_damper_stationary_begin(quarter_car_damper_stationary_problem *problem, R speed, quarter_car_damper_stationary_work *work)
 {
@@ -23,8 +23,7 @@ static void rate_at(const quarter_car_damper_stationary_problem *problem, const 
 {
     quarter_car_damper_held_rate(problem->t, problem->s, problem->speed, y, p, rate);
     for (int i = 0; i < SIZE; i++)
-        if (problem->work->left_out[i])
-            rate[i] = K(0.0);
+        rate[i] = problem->work->left_out[i] ? K(0.0) : rate[i] - problem->work->vectors[CORRECTION][i];
 }
 
 static void jacobian_at(const quarter_car_damper_stationary_problem *problem, const R *p, const R *y)
@@ -146,12 +145,9 @@ static int linearise(const quarter_car_damper_stationary_problem *problem, const
 {
     quarter_car_damper_stationary_work *work = problem->work;
     jacobian_at(problem, p, y);
-    for (int i = 0; i < SIZE * SIZE; i++)
-        work->matrix[i] = K(0.0);
-    quarter_car_damper_add_jacobian(work->values, K(1.0), work->matrix);
     for (int i = 0; i < SIZE; i++)
-        work->matrix[i * SIZE + i] -= shift + (work->left_out[i] ? K(1.0) : K(0.0));
-    return quarter_car_damper_decompose(SIZE, work->matrix, work->pivots);
+        work->vectors[DIAGONAL][i] = -shift - (work->left_out[i] ? K(1.0) : K(0.0));
+    return quarter_car_damper_factorise(work->values, K(1.0), work->vectors[DIAGONAL], &work->factors);
 }
 
 /* x = -(J - shift)^-1 rate. */
@@ -159,7 +155,7 @@ static void newton_step(const quarter_car_damper_stationary_work *work, const R 
 {
     for (int i = 0; i < SIZE; i++)
         x[i] = -rate[i];
-    quarter_car_damper_solve(SIZE, work->matrix, work->pivots, x);
+    quarter_car_damper_backsolve(&work->factors, x);
 }
 
 /* Damped by the natural monotonicity test (Deuflhard 2004, section 3.3), which does not depend on units. */
@@ -303,32 +299,65 @@ static int semidefinite(const quarter_car_damper_stationary_problem *problem, co
     return 1;
 }
 
-/* Whether small deviations die out: (1 - hJ)^-1 (1 + hJ), raised to growing powers, vanishes. */
-static int stable_at(const quarter_car_damper_stationary_problem *problem, const R *p, const R *y)
+/* The geometric mean of a shortest time, 1 / fastest, and of the longest that one inverse shows. */
+static R middle_time(quarter_car_damper_stationary_work *work, R fastest)
 {
-    quarter_car_damper_stationary_work *work = problem->work;
-    R *power = work->second, *square = work->third, *scale = work->vectors[SCALE];
-    R norm = SMALLEST;
-    const int squarings = ROUNDING < K(1e-10) ? 32 : 20;
-    scales(y, scale);
-    jacobian_at(problem, p, y);
-    for (int j = 0; j < SIZE; j++)
-        for (int k = quarter_car_damper_jacobian_column[j]; k < quarter_car_damper_jacobian_column[j + 1]; k++) {
-            work->values[k] *= scale[j] / scale[quarter_car_damper_jacobian_row[k]];
-            norm = M(fabs)(work->values[k]) > norm ? M(fabs)(work->values[k]) : norm;
-        }
-    for (int i = 0; i < SIZE * SIZE; i++)
-        work->matrix[i] = power[i] = K(0.0);
-    quarter_car_damper_add_jacobian(work->values, K(-1.0) / norm, work->matrix);
-    quarter_car_damper_add_jacobian(work->values, K(1.0) / norm, power);
+    R *x = work->vectors[OTHER], longest = K(0.0);
     for (int i = 0; i < SIZE; i++) {
-        work->matrix[i * SIZE + i] += work->left_out[i] ? K(2.0) : K(1.0);
-        power[i * SIZE + i] += work->left_out[i] ? K(0.0) : K(1.0);
+        work->vectors[FIRST][i] = work->left_out[i] ? K(-1.0) : K(0.0);
+        x[i] = work->left_out[i] ? K(0.0) : i % 2 ? K(1.0) : K(-1.0);
     }
-    if (!quarter_car_damper_decompose(SIZE, work->matrix, work->pivots))
-        return 0;
-    for (int j = 0; j < SIZE; j++)
-        quarter_car_damper_solve(SIZE, work->matrix, work->pivots, power + j * SIZE);
+    if (!quarter_car_damper_factorise(work->values, K(1.0), work->vectors[FIRST], &work->factors))
+        return K(1.0) / fastest;
+    quarter_car_damper_backsolve(&work->factors, x);
+    for (int i = 0; i < SIZE; i++)
+        longest = M(fabs)(x[i]) > longest ? M(fabs)(x[i]) : longest;
+    return longest * fastest > K(1.0) && FINITE(longest) ? M(sqrt)(longest / fastest) : K(1.0) / fastest;
+}
+
+#if 0 > 0
+/* Whether 2 (1 - hJ)^-1 - 1, applied again and again, makes vectors vanish: `factors` are those of 1 - hJ. */
+static int dies_out(quarter_car_damper_stationary_work *work)
+{
+    R *x = work->vectors[FIRST], *z = work->vectors[TRIAL];
+    unsigned long random = 1;
+    for (int start = 0; start < 3; start++) {
+        int count = 0;
+        R largest = K(1.0);
+        for (int i = 0; i < SIZE; i++) {
+            random = (random * 1103515245UL + 12345UL) & 0x7fffffffUL;
+            x[i] = random & 0x10000UL ? K(1.0) : K(-1.0);
+        }
+        for (; largest > K(1e-8) && count < 20000; count++) {
+            for (int i = 0; i < SIZE; i++)
+                z[i] = x[i];
+            quarter_car_damper_backsolve(&work->factors, z);
+            largest = K(0.0);
+            for (int i = 0; i < SIZE; i++) {
+                x[i] = K(2.0) * z[i] - x[i];
+                largest = M(fabs)(x[i]) > largest || !FINITE(x[i]) ? M(fabs)(x[i]) : largest;
+            }
+            if (!(largest < K(1e12)))
+                return 0;
+        }
+        if (count == 20000)
+            return 0;
+    }
+    return 1;
+}
+#else
+/* Whether 2 (1 - hJ)^-1 - 1, raised to growing powers, vanishes: `factors` are those of 1 - hJ. */
+static int dies_out(quarter_car_damper_stationary_work *work)
+{
+    R *power = work->second, *square = work->third;
+    const int squarings = ROUNDING < K(1e-10) ? 32 : 20;
+    for (int j = 0; j < SIZE; j++) {
+        R *column = power + j * SIZE;
+        for (int i = 0; i < SIZE; i++)
+            column[i] = i == j ? K(2.0) : K(0.0);
+        quarter_car_damper_backsolve(&work->factors, column);
+        column[j] -= K(1.0);
+    }
     for (int count = 0; count <= squarings; count++) {
         R largest = K(0.0);
         for (int j = 0; j < SIZE; j++) {
@@ -358,6 +387,47 @@ static int stable_at(const quarter_car_damper_stationary_problem *problem, const
     }
     return 0;
 }
+#endif
+
+/* Whether small deviations die out: (1 - hJ)^-1 (1 + hJ) makes them vanish for any h > 0, soonest with h between the
+ * shortest and the longest time of the system. */
+static int stable_at(const quarter_car_damper_stationary_problem *problem, const R *p, const R *y)
+{
+    quarter_car_damper_stationary_work *work = problem->work;
+    R *scale = work->vectors[SCALE];
+    R norm = SMALLEST;
+    scales(y, scale);
+    jacobian_at(problem, p, y);
+    for (int j = 0; j < SIZE; j++)
+        for (int k = quarter_car_damper_jacobian_column[j]; k < quarter_car_damper_jacobian_column[j + 1]; k++) {
+            work->values[k] *= scale[j] / scale[quarter_car_damper_jacobian_row[k]];
+            norm = M(fabs)(work->values[k]) > norm ? M(fabs)(work->values[k]) : norm;
+        }
+    for (int i = 0; i < SIZE; i++)
+        work->vectors[DIAGONAL][i] = work->left_out[i] ? K(2.0) : K(1.0);
+    const R h = middle_time(work, norm);
+    return quarter_car_damper_factorise(work->values, -h, work->vectors[DIAGONAL], &work->factors) && dies_out(work);
+}
+
+#if 0 > 0
+/* The ground between wheels is carried along on a grid. Its error is known where nothing changes any more: take it out. */
+static quarter_car_damper_status refine(quarter_car_damper_stationary_problem *problem, const R *p, R *y)
+{
+    quarter_car_damper_stationary_work *work = problem->work;
+    R *exact = work->vectors[TRIAL], *rate = work->vectors[RATE];
+    quarter_car_damper_status status = QUARTER_CAR_DAMPER_OK;
+    for (int count = 0; count < 4 && status == QUARTER_CAR_DAMPER_OK && problem->speed > K(0.0); count++) {
+        for (int i = 0; i < SIZE; i++)
+            exact[i] = y[i];
+        quarter_car_damper_travelled(problem->t, problem->s, problem->speed, p, exact);
+        quarter_car_damper_held_rate(problem->t, problem->s, problem->speed, exact, p, rate);
+        for (int i = QUARTER_CAR_DAMPER_HEAD; i < SIZE; i++)
+            work->vectors[CORRECTION][i] = rate[i];
+        status = newton(problem, p, y, 20);
+    }
+    return status;
+}
+#endif
 
 quarter_car_damper_status quarter_car_damper_stationary(quarter_car_damper_stationary_problem *problem, const R *p, R *y)
 {
@@ -365,7 +435,7 @@ quarter_car_damper_status quarter_car_damper_stationary(quarter_car_damper_stati
     R *start = work->vectors[START];
     quarter_car_damper_status status = QUARTER_CAR_DAMPER_NO_CONVERGENCE;
     R residual = K(0.0);
-    int nothing = 1, unstable = 0;
+    int nothing = 1, unstable = 0, singular = 0;
     problem->steps = 0;
     problem->stable = 0;
     for (int i = 0; i < SIZE; i++)
@@ -374,12 +444,18 @@ quarter_car_damper_status quarter_car_damper_stationary(quarter_car_damper_stati
         y[quarter_car_damper_covariance(i, i)] = K(1e-8);
     for (int i = 0; i < SIZE; i++)
         start[i] = y[i];
+    for (int i = 0; i < SIZE; i++)
+        work->vectors[CORRECTION][i] = K(0.0);
     find_drifting(problem, p, y);
     for (int attempt = 0; attempt < 2; attempt++) {
         for (int i = 0; i < SIZE; i++)
             y[i] = start[i];
         status = attempt == 0 ? newton(problem, p, y, problem->most_steps < 40 ? problem->most_steps : 40)
                               : follow(problem, p, y);
+#if 0 > 0
+        status = status == QUARTER_CAR_DAMPER_OK ? refine(problem, p, y) : status;
+#endif
+        singular = singular || status == QUARTER_CAR_DAMPER_SINGULAR;
         if (status != QUARTER_CAR_DAMPER_OK)
             continue;
         rate_at(problem, p, y, work->vectors[RATE]);
@@ -406,5 +482,21 @@ quarter_car_damper_status quarter_car_damper_stationary(quarter_car_damper_stati
     for (int i = 0; i < SIZE; i++)
         if (work->left_out[i])
             y[i] = (R)NAN;
-    return status;
+    return status == QUARTER_CAR_DAMPER_NO_CONVERGENCE && singular ? QUARTER_CAR_DAMPER_SINGULAR : status;
+}
+
+quarter_car_damper_status quarter_car_damper_start(const R *p, quarter_car_damper_stationary_work *work, R *y)
+{
+    quarter_car_damper_initial(p, y);
+#if 0
+    quarter_car_damper_stationary_problem problem;
+    R motion[4];
+    quarter_car_damper_motion(K(0.0), p, motion);
+    quarter_car_damper_stationary_begin(&problem, motion[0], work);
+    problem.s = motion[3];
+    return quarter_car_damper_stationary(&problem, p, y);
+#else
+    (void)work;
+    return QUARTER_CAR_DAMPER_OK;
+#endif
 }

@@ -39,7 +39,12 @@ int main(void)
     quarter_car_damper_rate((R)sample_t, y, p, other);
     check("rate", other, rate, SIZE, exact);
     quarter_car_damper_jacobian((R)sample_t, y, p, values);
-    check("jacobian", values, jacobian, QUARTER_CAR_DAMPER_NONZEROS, exact);
+    for (int i = 0; i < SIZE; i++)
+        other[i] = (R)0;
+    for (int j = 0; j < SIZE; j++)
+        for (int k = quarter_car_damper_jacobian_column[j]; k < quarter_car_damper_jacobian_column[j + 1]; k++)
+            other[quarter_car_damper_jacobian_row[k]] += values[k] * (R)size[j];
+    check("jacobian", other, jacobian, SIZE, exact);
     quarter_car_damper_outputs((R)sample_t, y, p, mean, variance);
     check("means", mean, output_mean, QUARTER_CAR_DAMPER_OUTPUTS, exact);
     check("variances", variance, output_variance, QUARTER_CAR_DAMPER_OUTPUTS, exact);

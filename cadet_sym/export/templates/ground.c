@@ -134,7 +134,7 @@ static void transport(const @p@_gap *gap, const R *restrict N, R speed, const R 
     }
 }
 
-static void ground_rate(const R *restrict y, const R *restrict parts, R *restrict dy)
+static void rate_of_ground(const R *restrict y, const R *restrict parts, R *restrict dy)
 {
     for (int g = 0; g < @P@_GAPS; g++) {
         differentiate(@p@_gaps + g, y, parts + @p@_gaps[g].entering, dy);
@@ -191,7 +191,7 @@ static void add_part(int g, int part, int column, R x, const R *restrict y, cons
                 -speed * gap->derivative[j * (gap->nodes + 1)] * x);
 }
 
-static void ground_jacobian(const R *restrict y, const R *restrict parts, const R *restrict own,
+static void jacobian_of_ground(const R *restrict y, const R *restrict parts, const R *restrict own,
                             const R *restrict of_parts, R *restrict values)
 {
     R slope[SIZE];
@@ -213,14 +213,14 @@ void @p@_rate(R t, const R *restrict y, const R *restrict p, R *restrict dy)
 {
     R parts[@P@_PARTS];
     @p@_rate_parts(t, y, p, dy, parts);
-    ground_rate(y, parts, dy);
+    rate_of_ground(y, parts, dy);
 }
 
 void @p@_held_rate(R t, R s, R V, const R *restrict y, const R *restrict p, R *restrict dy)
 {
     R parts[@P@_PARTS];
     @p@_held_rate_parts(t, s, V, y, p, dy, parts);
-    ground_rate(y, parts, dy);
+    rate_of_ground(y, parts, dy);
 }
 
 void @p@_jacobian(R t, const R *restrict y, const R *restrict p, R *restrict values)
@@ -228,7 +228,7 @@ void @p@_jacobian(R t, const R *restrict y, const R *restrict p, R *restrict val
     R parts[@P@_PARTS], dy[SIZE], own[@own@], of_parts[@of_parts@ > 0 ? @of_parts@ : 1];
     @p@_rate_parts(t, y, p, dy, parts);
     @p@_jacobian_parts(t, y, p, own, of_parts);
-    ground_jacobian(y, parts, own, of_parts, values);
+    jacobian_of_ground(y, parts, own, of_parts, values);
 }
 
 void @p@_held_jacobian(R t, R s, R V, const R *restrict y, const R *restrict p, R *restrict values)
@@ -236,7 +236,7 @@ void @p@_held_jacobian(R t, R s, R V, const R *restrict y, const R *restrict p, 
     R parts[@P@_PARTS], dy[SIZE], own[@own@], of_parts[@of_parts@ > 0 ? @of_parts@ : 1];
     @p@_held_rate_parts(t, s, V, y, p, dy, parts);
     @p@_held_jacobian_parts(t, s, V, y, p, own, of_parts);
-    ground_jacobian(y, parts, own, of_parts, values);
+    jacobian_of_ground(y, parts, own, of_parts, values);
 }
 
 void @p@_slope(R t, const R *restrict y, const R *restrict p, R *restrict slope)
