@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -69,6 +69,30 @@ def moments_figure(history: MomentHistory, simulation: Ensemble | None = None, n
                     _draw_simulation(axes, simulation, name, moment)
                 axes.set_xlim(history.time[0], history.time[-1])
         _finish(figure, panels, history.model, legend=simulation is not None)
+    return figure
+
+
+def cases_figure(title: str, name: str, cases: Mapping[str, tuple[MomentHistory, Ensemble | None]]) -> Figure:
+    """Mean and variance of one state or output against time, a row of panels for each case.
+
+    Parameters
+    ----------
+    name : an output or a state of all cases.
+    cases : what each is called, the moments by CADET and the simulation.
+    """
+    with _style():
+        figure, panels = _panels([name] * len(cases), "time  t")
+        for (case, (history, simulation)), pair in zip(cases.items(), panels, strict=True):
+            for axes, moment in zip(pair, ("mean", "variance"), strict=True):
+                axes.plot(history.time, getattr(history, moment)[name], color=LINE, label="CADET", zorder=3)
+                if simulation is not None:
+                    _draw_simulation(axes, simulation, name, moment)
+                axes.set_xlim(history.time[0], history.time[-1])
+                axes.set_title(case)
+            low, high = pair[0].get_ylim()
+            least = 0.05 * float(np.asarray(history.std[name]).max())  # a mean that is zero is drawn as zero
+            pair[0].set_ylim(min(low, -least), max(high, least))
+        _finish(figure, panels, title, legend=True)
     return figure
 
 

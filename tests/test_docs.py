@@ -35,3 +35,12 @@ def test_every_model_that_ships_has_its_figure():
     assert SHIPPED
     for path in SHIPPED:
         assert (ROOT / "docs" / f"{path.stem}.png").stat().st_size > 5_000
+
+
+def test_the_figures_of_the_paper_are_shown_with_their_verdicts():
+    page = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")
+    assert page.startswith(builder().PAPER)
+    assert page.count("99 % limits by control variates") == 4
+    for number in builder().FIGURES:
+        assert f"](figure_{number}.png)" in page
+        assert (ROOT / "docs" / f"figure_{number}.png").stat().st_size > 20_000

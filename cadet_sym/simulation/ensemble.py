@@ -188,7 +188,7 @@ class Ensemble:
         name = self.controlled[0]
         times = self.plain_paths(name) / self.paths
         linear = "nothing is left to chance, the system being linear"
-        worth = f"as from {times:.2g} times as many plain paths" if times < _EXACT else linear
+        worth = f"as from {float(f'{times:.2g}'):g} times as many plain paths" if times < _EXACT else linear
         return (
             f"{limits.capitalize()} by control variates: {self.paths} paths with the quasi-linear system on the same noise, "
             f"standard errors from {self.estimates.freedom + 1} batches; for {name}, {worth}."
