@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import pickle
+import subprocess
+import sys
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 
@@ -84,6 +88,38 @@ def test_two_programs_never_share_a_name():
     pairs = [fast.compile_program(program.numba_source) for program in programs]
     assert len({function.__name__ for pair in pairs for function in pair}) == 4
     assert fast.compile_program(programs[0].numba_source) is pairs[0]
+
+
+SMALL_RUN = """
+from cadet_sym.language.modelfile import loads
+from cadet_sym.simulation import simulate
+model = loads('schema = 1\\n[rates]\\nx = "-x + w"\\n[noise]\\nw = 1.0\\n[run]\\nduration = 1.0')
+print(repr(simulate(model, 40, times=[1.0], step=0.1, check_step=False, threads=1).mean["x"][0]))
+"""
+
+
+def test_what_numba_left_on_disk_and_cannot_read_is_written_anew(tmp_path):
+    """An index that names a module which is no more, or is cut off."""
+    pytest.importorskip("numba")
+
+    def small_run() -> str:
+        environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+        done = subprocess.run([sys.executable, "-c", SMALL_RUN], env=environment, capture_output=True, text=True, cwd=ROOT)
+        assert done.returncode == 0, done.stderr
+        assert "Error" not in done.stderr
+        return done.stdout
+
+    first = small_run()
+    indices = sorted(tmp_path.rglob("*.nbi"))
+    assert len(indices) > 2
+    for number, index in enumerate(indices):
+        with index.open("rb") as file:
+            version = pickle.dumps(pickle.load(file))
+        gone = b"cno_such_module\nGone\n."
+        index.write_bytes(version + gone if number % 2 else version[:5])
+    broken = {index: index.read_bytes() for index in indices}
+    assert small_run() == first
+    assert any(index.read_bytes() != broken[index] for index in indices)
 
 
 def test_results_do_not_depend_on_threads_or_executors():

@@ -37,15 +37,37 @@ ADVANCE = types.void(_VECTOR, _VECTOR, _INT, _INT, _INT, _INT, _TABLE, _TABLE, _
 RECORD = types.void(_VECTOR, _VECTOR, _INT, _TABLE, _VECTOR, _VECTOR, _BOX, _INT, _INT)
 
 
-def _jit(function: Callable[..., Any], *signature: Any) -> Any:
+_KEPT: list[Any] = []  # functions whose machine code may be on disk
+
+
+def _jit(function: Callable[..., Any], *signature: Any, on_disk: bool = True) -> Any:
     """Compile without the interpreter's lock; keep the machine code on disk where there is a place for it.
 
-    numba compiles again when this file has changed.
+    numba compiles again when the file has changed. What it finds on disk and cannot read (an index written before a
+    module was renamed, half a file) is thrown away and written anew, or else done without.
     """
+    for attempt in range(2 if on_disk else 0):
+        try:
+            dispatcher = numba.njit(*signature, cache=True, **_OPTIONS)(function)
+        except RuntimeError:  # no folder can be written to
+            break
+        except Exception:
+            if attempt or not _forget(function):
+                break
+        else:
+            _KEPT.append(dispatcher)
+            return dispatcher
+    return numba.njit(*signature, **_OPTIONS)(function)
+
+
+def _forget(function: Callable[..., Any]) -> bool:
+    """Empty the indices on disk of a function and of all that it may call; whether that could be done."""
     try:
-        return numba.njit(*signature, cache=True, **_OPTIONS)(function)
-    except RuntimeError:  # no folder can be written to
-        return numba.njit(*signature, **_OPTIONS)(function)
+        for dispatcher in (*_KEPT, numba.njit(cache=True, **_OPTIONS)(function)):
+            dispatcher._cache.flush()
+    except Exception:
+        return False
+    return True
 
 
 def _mix(z):
@@ -318,9 +340,8 @@ def compile_program(source: str) -> tuple[Any, Any]:
     place = _file_for(source, digest)
     scope = {**NAMESPACE, "__name__": __name__}
     exec(compile(source, place or "<cadet_sym.simulation>", "exec"), scope)
-    options = {**_OPTIONS, "cache": place is not None}
     advance, record = (
-        numba.njit(signature, **options)(scope[f"{name}_{digest}"])
+        _jit(scope[f"{name}_{digest}"], signature, on_disk=place is not None)
         for name, signature in (("advance", ADVANCE), ("record", RECORD))
     )
     return advance, record
