@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
 
-.PHONY: demo test test-all lint docs generate clean
+.PHONY: demo test test-all lint docs bench generate clean
 .DEFAULT_GOAL := test
 
 demo: $(READY)
@@ -23,6 +23,10 @@ lint: $(READY)
 
 docs: $(READY)
 	$(BIN)/python docs/build.py
+
+# Beside its peers: some minutes.
+bench: $(READY)
+	$(BIN)/python benchmarks/run.py
 
 # The C of the models that ship; the tests compare it with what the package writes.
 generate: $(READY)

@@ -67,7 +67,7 @@ def test_the_bar_goes_to_standard_error(capsys):
 
 
 def test_dask_takes_the_points_through_its_own_executor():
-    distributed = pytest.importorskip("distributed")
+    distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed")
     with distributed.Client(processes=False, n_workers=1, threads_per_worker=1, dashboard_address=None) as client:
         result = sweep(toml(MODEL), {"e": [0.1, 0.2]}, executor=client.get_executor())
     assert not result.failures
