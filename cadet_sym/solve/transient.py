@@ -71,7 +71,7 @@ MILD = 500.0
 SWINGING = 20_000.0
 """... and largest frequency: what swings and hardly decays keeps the steps of implicit formulas short as well."""
 
-SWING = 0.3
+SWING = 0.5
 """Share of a step's tolerance that explicit formulas are given."""
 
 ENGINES = ("auto", "direct", "implicit", "krylov", "explicit", "stepping", "native")
