@@ -64,7 +64,7 @@ class ModalForm:
 
     def divide(self, R: Array, shift: float = 0.0) -> Array:
         """X~ of N X + X N^T - shift X = -R, both in modal coordinates."""
-        return R / -self.denominators(shift)
+        return R * self._inverses if shift == 0.0 else R / -self.denominators(shift)
 
     def divide_vector(self, x: Array, shift: complex = 0.0) -> Array:
         """(N - shift)^-1 x in modal coordinates, columns (n, k)."""
@@ -75,7 +75,7 @@ class ModalForm:
 
         C (k, n), b and v (n, m) in modal coordinates, pairs (2, q). Returns (q, m); O(n^2 q m).
         """
-        weights = -1.0 / self.denominators(shift)
+        weights = self._inverses if shift == 0.0 else -1.0 / self.denominators(shift)
         answers = []
         for a, other in zip(C[pairs[0]], C[pairs[1]], strict=True):
             # sum_pq a_p c_q (b_p v_q + v_p b_q) / -(l_p + l_q)
@@ -87,13 +87,18 @@ class ModalForm:
     def adjoint(self, R: Array) -> Array:
         """X of N^T X + X N = -R, (n, n) real."""
         inside = self._split_adjoint(self._split_adjoint(self.basis.T @ R @ self.basis).T).T
-        X = inside / -self.denominators()
+        X = inside * self._inverses
         return self.inverse.T @ np.real(self._join_adjoint(self._join_adjoint(X).T).T) @ self.inverse
 
     def adjoint_vector(self, x: Array) -> Array:
         """N^-T x of a vector (n,)."""
         inside = self._split_adjoint((self.basis.T @ x)[:, None])
         return (self.inverse.T @ np.real(self._join_adjoint(self.divide_vector(inside))))[:, 0]
+
+    @cached_property
+    def _inverses(self) -> Array:
+        """-1 / (l_p + l_q), (n, n): every step divides by it several times."""
+        return -1.0 / self.denominators()
 
     @cached_property
     def _tiny(self) -> float:
