@@ -37,23 +37,27 @@ def median_seconds(function: Callable[[], object], repeats: int) -> float:
     return statistics.median(times)
 
 
-def packed(p: FrozenProblem) -> Callable[[np.ndarray], np.ndarray]:
-    """The stationary equations as SciPy wants them."""
+def packed(p: FrozenProblem, clipped: bool = True) -> Callable[[np.ndarray], np.ndarray]:
+    """The stationary equations as SciPy wants them; unclipped, an element has no value at a negative variance."""
     rows, columns = np.tril_indices(p.n)
 
     def residual(y: np.ndarray) -> np.ndarray:
         covariance = np.zeros((p.n, p.n))
         covariance[rows, columns] = covariance[columns, rows] = y[p.n :]
+        if not clipped and np.min(np.einsum("kn,nm,km->k", p.C, covariance, p.C)) < 0:
+            return np.full(len(y), np.nan)
         at = evaluate(p, y[: p.n], covariance)
         return np.concatenate([at.r, at.R[rows, columns]])
 
     return residual
 
 
-def scipy_root(p: FrozenProblem, mean: np.ndarray, covariance: np.ndarray) -> np.ndarray | None:
-    """Covariance that scipy.optimize.root finds, if it is one."""
+def scipy_root(
+    p: FrozenProblem, mean: np.ndarray, covariance: np.ndarray, clipped: bool = True
+) -> np.ndarray | None:
+    """Covariance that scipy.optimize.root (hybr, that is fsolve) finds, if it is one."""
     rows, columns = np.tril_indices(p.n)
-    found = root(packed(p), np.concatenate([mean, covariance[rows, columns]]), tol=1e-10)
+    found = root(packed(p, clipped), np.concatenate([mean, covariance[rows, columns]]), tol=1e-10)
     P = np.zeros((p.n, p.n))
     P[rows, columns] = P[columns, rows] = found.x[p.n :]
     return P if found.success and np.linalg.eigvalsh(P)[0] > -1e-10 else None
@@ -77,11 +81,13 @@ def sizes(big: bool) -> None:
 def random_starts() -> None:
     p, rng = chain(), np.random.default_rng(0)
     expected = stationary_point(p).covariance
-    found = {"ours": 0, "scipy root": 0}
+    found = {"ours": 0, "scipy fsolve raw": 0, "scipy fsolve clipped": 0}
     for _ in range(30):
         M = rng.standard_normal((16, 16)) * 10 ** rng.uniform(-2, 1)
         start = 3 * rng.standard_normal(16), M @ M.T / 16
-        found["scipy root"] += (P := scipy_root(p, *start)) is not None and np.allclose(P, expected, atol=1e-6)
+        for name in ("raw", "clipped"):
+            P = scipy_root(p, *start, clipped=name == "clipped")
+            found[f"scipy fsolve {name}"] += P is not None and np.allclose(P, expected, atol=1e-6)
         try:
             found["ours"] += np.allclose(stationary_point(p, start).covariance, expected, atol=1e-9)
         except SolverError:

@@ -24,6 +24,7 @@ __all__ = ["Family", "Place", "Walk", "crossings", "walk"]
 Array = np.ndarray
 
 SMALLEST = 1e-7  # a step, of the parameter's range
+NEAR = 1e-2  # residual and size of a Newton step after which a rough place is near enough to the curve
 
 
 Family = Callable[[float], FrozenProblem]
@@ -55,7 +56,7 @@ def crossings(
     """Other solutions at the same value of the parameter to which the curve comes back: guesses, in the frame."""
     found = []
     for upward in (True, False):
-        path = walk(family, view, start, value, limits, upward, points, largest=0.16)
+        path = walk(family, view, start, value, limits, upward, points, largest=0.16, rough=True)
         for one, other in pairwise(path.places[1:]):
             if (one.value - value) * (other.value - value) <= 0 and one.value != other.value:
                 part = (value - one.value) / (other.value - one.value)
@@ -73,6 +74,7 @@ def walk(
     upward: bool,
     points: int,
     largest: float,
+    rough: bool = False,
 ) -> Walk:
     """Follow the curve through a solution in one direction, to the end of the range.
 
@@ -85,8 +87,9 @@ def walk(
     upward : whether the parameter grows at first.
     points : largest number of points.
     largest : a step, of the parameter's range.
+    rough : whether places near the curve will do, for one who only wants to know where it leads.
     """
-    curve = _Curve(lambda p: family(p).transformed(view.left, view.right, view.offset), limits)
+    curve = _Curve(lambda p: family(p).transformed(view.left, view.right, view.offset), limits, rough)
     place = curve.begin(start, value, upward)
     places, folds = [place], []
     step = 0.25 * largest
@@ -99,7 +102,8 @@ def walk(
             continue
         if place.tangent[-1] * following.tangent[-1] < 0:
             folds.append(len(places))
-            places.append(curve.fold(place, following, step))
+            if not rough:
+                places.append(curve.fold(place, following, step))
         if not limits[0] <= following.value <= limits[1]:
             last = curve.stop(places[-1], following, limits)
             return Walk(places + ([] if last is None else [last]), tuple(folds), "the end of the range")
@@ -117,6 +121,7 @@ class _Curve:
 
     problem: Family
     limits: tuple[float, float]
+    rough: bool = False
 
     @property
     def width(self) -> float:
@@ -171,7 +176,7 @@ class _Curve:
                 return None, iteration
             try:
                 at = evaluate(self.problem(value), at.mean + dmu, at.covariance + dP)
-                slope = self.slope(at, value)
+                slope = slope if self.rough else self.slope(at, value)
             except (CadetError, ValueError):  # the family ends here
                 return None, iteration
             if not at.finite:
@@ -179,7 +184,7 @@ class _Curve:
             size = max(relative_size(at, (dmu, dP)), abs(dp) / self.width)
             if iteration == 1 and size > 1.0:
                 return None, iteration
-            if at.residual < RESIDUAL and size < STEP:
+            if (at.residual < RESIDUAL and size < STEP) or (self.rough and at.residual < NEAR and size < NEAR):
                 return self._accepted(place, at, value, step), iteration
             ahead = step - float(row @ np.append(at.theta - place.lin.at.theta, value - place.value))
             lin = LinearisedMoments(at)

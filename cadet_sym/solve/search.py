@@ -31,6 +31,12 @@ SAME = 1e-6
 DECADES = (-2.0, 1.0)
 """Powers of ten over which the noise fades and grows."""
 
+MARCHES = 5
+"""Random starts from which the moments are followed in time as well: they lead to stable solutions, found by then."""
+
+PATIENCE = 15
+"""Attempts from random starts in a row that find nothing new, after which there are no further ones."""
+
 FOLLOWED = 40
 """States up to which solutions are followed in the noise: a hundred solutions for each that is found."""
 
@@ -59,16 +65,51 @@ def stationary_points(
     found = _Found(view, [first])
     for attempt in _attempts(view, start, starts):
         found.add(attempt)
+    quiet = 0
+    for attempt in scattered(view, starts, marches=MARCHES):
+        known = len(found.points)
+        found.add(attempt)
+        quiet = quiet + 1 if len(found.points) == known else 0
+        if quiet == PATIENCE:
+            break
     covered: set[int] = set()  # solutions on a curve that has been followed
     place = 0
     while place < len(found.points):
         point = found.points[place]
-        found.add(newton(view.problem, (-point.evaluation.mean, point.evaluation.covariance), name="mirrored"))
+        mirror = found.add(newton(view.problem, _mirrored(point.evaluation), name="mirrored"))
+        for other in found.points[:place]:
+            for guess in _between_two(point.evaluation, other.evaluation):
+                found.add(newton(view.problem, guess, name="between two solutions"))
         if louder and place not in covered and problem.n <= FOLLOWED:
             guesses = _followed(problem, point)
+            if mirror >= 0 and mirror != place and _are_mirrored(point.evaluation, found.points[mirror].evaluation):
+                covered.add(mirror)  # the curve through a mirror image is the mirror image of the curve
+                guesses += [(-mean, covariance) for mean, covariance in guesses]
             covered |= {found.add(newton(view.problem, guess, name="followed in the noise")) for guess in guesses}
         place += 1
     return tuple(sorted(found.points, key=lambda p: (not p.stable, p is not first, float(np.trace(p.covariance)))))
+
+
+def _mirrored(at: Evaluation) -> tuple[Array, Array]:
+    return -at.mean, at.covariance
+
+
+def _are_mirrored(one: Evaluation, other: Evaluation) -> bool:
+    sigma = np.maximum(one.scale, other.scale) + 1e-300
+    return bool(
+        np.max(np.abs(one.mean + other.mean) / sigma, initial=0.0) < SAME
+        and np.max(np.abs(one.covariance - other.covariance) / np.outer(sigma, sigma), initial=0.0) < SAME
+    )
+
+
+def _between_two(one: Evaluation, other: Evaluation) -> Iterator[tuple[Array, Array]]:
+    """States that are spread over two solutions: what separates two wells is one of these, as a rule."""
+    half = 0.5 * (one.mean - other.mean)
+    for share in (0.3, 1.0):
+        yield (
+            0.5 * (one.mean + other.mean),
+            0.5 * (one.covariance + other.covariance) + share * np.outer(half, half),
+        )
 
 
 class _Found:
@@ -100,7 +141,6 @@ def _attempts(view: Frame, start: tuple[Array, Array] | None, starts: int) -> It
             break  # the ladder's last resort: something is found already
         yield attempt
     yield from _from_equilibria(view, starts)
-    yield from scattered(view, starts)
 
 
 def _from_equilibria(view: Frame, starts: int) -> Iterator[Attempt]:
@@ -109,11 +149,16 @@ def _from_equilibria(view: Frame, starts: int) -> Iterator[Attempt]:
     rng = np.random.default_rng(1)
     sigma = np.sqrt(np.maximum(np.diag(view.spread), 0.0))
     known: list[Array] = []
+    quiet = 0
     for _ in range(starts):
+        quiet += 1
+        if quiet > PATIENCE:
+            break
         mean = _equilibrium(p, sigma * rng.standard_normal(p.n) * 10.0 ** rng.uniform(-1, 3), 1e-8 * view.spread)
         if mean is None or any(np.max(np.abs(mean - other) / (sigma + np.abs(mean))) < 1e-4 for other in known):
             continue
         known.append(mean)
+        quiet = 0
         for factor in (1e-4, 0.1, 1.0):
             yield newton(p, (mean, factor * view.spread), name="Newton from an equilibrium")
 

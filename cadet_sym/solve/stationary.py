@@ -105,8 +105,8 @@ def ladder(view: Frame, start: tuple[Array, Array] | None) -> Iterator[Attempt]:
     yield from scattered(view, 8)
 
 
-def scattered(view: Frame, count: int) -> Iterator[Attempt]:
-    """Attempts from random means, equal each time it is run."""
+def scattered(view: Frame, count: int, marches: int | None = None) -> Iterator[Attempt]:
+    """Attempts from random means, equal each time it is run; from the first `marches` of them (all) in time as well."""
     p, spread = view.problem, view.spread
     rng = np.random.default_rng(0)
     sigma = np.sqrt(np.maximum(np.diag(spread), 0.0))
@@ -114,7 +114,8 @@ def scattered(view: Frame, count: int) -> Iterator[Attempt]:
         mean = 3.0 * sigma * rng.standard_normal(p.n) * rng.random()
         begin = mean, 10.0 ** rng.uniform(-4, 1) * spread
         yield newton(p, begin, name=f"Newton from random start {k + 1}", close=CLOSE)
-        yield follow(p, begin, limit=60, name=f"pseudo-transient from random start {k + 1}")
+        if marches is None or k < marches:
+            yield follow(p, begin, limit=60, name=f"pseudo-transient from random start {k + 1}")
 
 
 @np.errstate(all="ignore")
