@@ -20,7 +20,7 @@ import cadet_sym as cs
 from cadet_sym.arguments import one_set_each, parse_paths, parse_range, parse_setting, parse_sweep, parse_times
 from cadet_sym.errors import CadetError, ModelError, SolverError
 from cadet_sym.files import DATA_SUFFIXES, FIGURE_SUFFIXES, check_target
-from cadet_sym.results import PeriodicMoments, StationarySolutions, StationarySweep
+from cadet_sym.results import PeriodicMoments, StationaryMoments, StationarySolutions, StationarySweep
 
 if TYPE_CHECKING:
     from cadet_sym.compiled import CompiledModel
@@ -370,18 +370,21 @@ def _solutions(
     *,
     every: bool,
     parameters: Mapping[str, float] | None = None,
+    start: StationaryMoments | None = None,
     **held: float | None,
 ) -> StationarySolutions:
-    found = compiled.stationary(all=every, parameters=parameters, **held)
+    found = compiled.stationary(all=every, parameters=parameters, start=start, **held)
     return found if isinstance(found, StationarySolutions) else StationarySolutions((found,))
 
 
 def _sweep(search: Callable[..., StationarySolutions], parameter: str, values: np.ndarray) -> StationarySweep:
     """Search at every value; a value without a solution is reported and leaves an empty place."""
     rows, failures = [], {}
-    for value in values:
+    last = None  # where the next search begins
+    for value in _with_bar(values):
         try:
-            rows.append(tuple(search(parameters={parameter: float(value)})))
+            rows.append(tuple(search(parameters={parameter: float(value)}, start=last)))
+            last = rows[-1][0]
         except SolverError as error:
             failures[float(value)] = str(error)
             rows.append(())
@@ -391,6 +394,16 @@ def _sweep(search: Callable[..., StationarySolutions], parameter: str, values: n
         warnings.warn(f"{parameter} = {value:g}: {reason}", stacklevel=2)
     model = next(row[0].model for row in rows if row)
     return StationarySweep(model, parameter, values, tuple(rows), failures)
+
+
+def _with_bar(values: np.ndarray) -> Iterable[float]:
+    """The values, with a bar on standard error where that is a terminal."""
+    if not sys.stderr.isatty():
+        return values.tolist()
+    from rich.console import Console
+    from rich.progress import track
+
+    return track(values.tolist(), description="sweep", console=Console(stderr=True))
 
 
 class _Stopwatch:

@@ -348,6 +348,7 @@ class CompiledModel:
         at: float | None = None,
         all: Literal[True],
         parameters: Mapping[str, float] | None = None,
+        start: StationaryMoments | None = None,
     ) -> StationarySolutions: ...
 
     @overload
@@ -358,6 +359,7 @@ class CompiledModel:
         at: float | None = None,
         all: Literal[False] = False,
         parameters: Mapping[str, float] | None = None,
+        start: StationaryMoments | None = None,
     ) -> StationaryMoments: ...
 
     @overload
@@ -368,6 +370,7 @@ class CompiledModel:
         at: float | None = None,
         all: bool,
         parameters: Mapping[str, float] | None = None,
+        start: StationaryMoments | None = None,
     ) -> StationaryMoments | StationarySolutions: ...
 
     def stationary(
@@ -377,6 +380,7 @@ class CompiledModel:
         at: float | None = None,
         all: bool = False,
         parameters: Mapping[str, float] | None = None,
+        start: StationaryMoments | None = None,
     ) -> StationaryMoments | StationarySolutions:
         """Find moments that stay as they are: E[f] = 0 and N P + P N^T + D = 0.
 
@@ -386,6 +390,7 @@ class CompiledModel:
         at : instant at which an explicit dependence on t is frozen.
         all : look for all solutions, stable ones first, instead of one (a stable one if there is one).
         parameters : values in place of the declared ones.
+        start : a solution near by, as in a sweep: where to begin.
 
         Raises
         ------
@@ -402,6 +407,8 @@ class CompiledModel:
         held = conditions(self.functions, p, speed, at)
         problem = freeze(self.functions, held)
         rest = self.rest(p)
+        if start is not None:  # what drifts has no value to begin with
+            rest = np.where(np.isnan(start.state_mean), rest[0], start.state_mean), np.nan_to_num(start.state_covariance)
         points = stationary_points(problem, rest) if all else (stationary_point(problem, rest),)
         found = tuple(self._fixed_point(point, held) for point in points)
         return StationarySolutions(found) if all else found[0]

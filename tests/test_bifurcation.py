@@ -130,3 +130,11 @@ def test_a_range_without_solutions_is_a_failure():
     model = cs.Model(cs.Vehicle(rates={x: a * x + x**3 + w}), parameters={a: 1}, noise={w: 1}, name="runaway")
     with pytest.raises(cs.SolverError, match="No stationary moments"):
         cs.branches(model, "a", (1.0, 2.0))
+
+
+def test_a_search_may_begin_at_a_solution_near_by():
+    compiled = cs.compile("models/quarter_car_damper.toml")
+    near = compiled.stationary(speed=19.0)
+    warm, cold = compiled.stationary(speed=20.0, start=near), compiled.stationary(speed=20.0)
+    assert "given start" in warm.path[-1]
+    np.testing.assert_allclose(warm.state_covariance, cold.state_covariance, rtol=1e-9, atol=1e-15)
