@@ -11,10 +11,10 @@ demo: $(READY)
 	$(BIN)/cadet-sym validate models/oleo_acceleration.toml --paths 2000 --plot build/oleo.png
 
 test: lint
-	$(BIN)/pytest -q
+	$(BIN)/pytest -q -n auto --dist worksteal
 
 test-all: lint
-	$(BIN)/pytest -q -m ""
+	$(BIN)/pytest -q -n auto --dist worksteal -m ""
 
 lint: $(READY)
 	$(BIN)/ruff check .
