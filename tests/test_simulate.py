@@ -6,7 +6,7 @@ import os
 import pickle
 import subprocess
 import sys
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from multiprocessing import get_context
 
 import numpy as np
@@ -129,6 +129,38 @@ def test_results_do_not_depend_on_threads_or_executors():
         runs.append(simulate(model, 3000, times=TIMES, step=0.05, executor=pool, check_step=False, engine="numpy"))
     assert same(runs[0], runs[1])
     assert np.allclose(runs[0].moments.fourth, runs[2].moments.fourth, rtol=1e-9)
+
+
+def test_a_cluster_of_dask_gives_the_same_numbers():
+    distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed")
+    model = oscillator("-v*abs(v)", Q=1.0, scalar=True)
+    alone = simulate(model, 3000, times=TIMES, step=0.05, check_step=False, engine="numpy")
+    with (
+        distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        spread = simulate(model, 3000, times=TIMES, step=0.05, check_step=False, engine="numpy", executor=client.get_executor())
+    assert same(alone, spread)
+
+
+def test_any_executor_will_do_also_for_control_variates():
+    """Whatever has `submit`; what it is given can be sent elsewhere."""
+
+    class Elsewhere(Executor):
+        def submit(self, work, /, *words, **more):
+            done = Future()
+            work, words = pickle.loads(pickle.dumps((work, words)))
+            done.set_result(work(*words, **more))
+            return done
+
+    model = oscillator("-v*abs(v)", Q=1.0, scalar=True)
+    here, there = (
+        cs.simulate(model, 2500, times=TIMES, step=0.05, check_step=False, control=True, executor=each)
+        for each in (None, Elsewhere())
+    )
+    assert same(here, there)
+    assert np.array_equal(here.estimates.variance, there.estimates.variance)
+    assert "v" in here.controlled
 
 
 def test_more_paths_begin_with_the_same_paths():

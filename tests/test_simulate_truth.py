@@ -32,7 +32,8 @@ def test_duffing_is_the_solution_of_its_fokker_planck_equation(paths):
     var = float(exact["var_x"])
     start = f'[initial.covariance]\n"x,x" = {var}\n"v,v" = 1.0'
     model = oscillator("-0.1*v - x - x**3", Q=0.2, start=start)
-    run = simulate(model, paths, times=[60.0], seed=1)
+    # Paths that share their noise part soon, so that a step's error is hard to see; at 0.02 it is 1e-4.
+    run = simulate(model, paths, times=[60.0], seed=1, step=0.02, check_step=False)
     assert close(run, "x", var)
     assert close(run, "v", 1.0)
     assert abs(run.kurtosis["x"][0] - float(exact["kurt"])) < 0.25 * np.sqrt(4000 / paths)

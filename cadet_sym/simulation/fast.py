@@ -63,7 +63,8 @@ def _jit(function: Callable[..., Any], *signature: Any, on_disk: bool = True) ->
 def _forget(function: Callable[..., Any]) -> bool:
     """Empty the indices on disk of a function and of all that it may call; whether that could be done."""
     try:
-        for dispatcher in (*_KEPT, numba.njit(cache=True, **_OPTIONS)(function)):
+        fresh: Any = numba.njit(cache=True, **_OPTIONS)(function)
+        for dispatcher in (*_KEPT, fresh):
             dispatcher._cache.flush()
     except Exception:
         return False
