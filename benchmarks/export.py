@@ -1,15 +1,23 @@
 """The exported C against a program written by hand for the same equations: Figure 3 of Harrison & Hammond (1986).
 
-Both are adaptive Dormand & Prince programs at rtol 1e-6 with the same measure of the error, at one output time. Run
-with ``python benchmarks/export.py``; needs gcc. Prints seconds a run, rates, and the largest difference of the results.
+Both are adaptive Dormand & Prince programs with the same measure of the error, at one output time. Run with
+``python benchmarks/export.py``; needs gcc. Prints seconds a run, rates, and the results; then how many times longer 2000
+paths of the compiled Monte Carlo take, one core each; then what large models take to export and to compile at -O1.
 """
 
 from __future__ import annotations
+
+import os
+
+os.environ.setdefault("NUMBA_NUM_THREADS", "1")  # one core each
 
 import re
 import subprocess
 import tempfile
 from pathlib import Path
+from time import perf_counter
+
+from chains import car
 
 import cadet_sym as cs
 
@@ -112,7 +120,7 @@ int main(void)
         for (int i = 0; i < N; i++) y[i] = 0;
         y[11] = 1 / 1.1;
         y[13] = c0 / 1.1;
-        steps = run(10, 1e-6, y);
+        steps = run(10, RTOL, y);
     }
     printf("%g %ld %ld %.15g %.15g\n", (double)(clock() - begin) / CLOCKS_PER_SEC / repeats, steps,
            rates / repeats, y[0], y[4]);
@@ -133,7 +141,7 @@ int main(void)
     for (int k = 0; k < repeats; k++) {
         oleo_initial(oleo_default_parameters, y);
         oleo_begin(&run, 0, y);
-        run.rtol = 1e-6;
+        run.rtol = RTOL;
         if (oleo_propagate(&run, oleo_default_parameters, 10) != OLEO_OK)
             return 1;
     }
@@ -145,26 +153,58 @@ int main(void)
 """
 
 
-def measured(folder: Path, name: str, sources: list[Path]) -> list[float]:
+def measured(folder: Path, name: str, sources: list[Path], rtol: str) -> list[float]:
     """Seconds a run, steps, rates, mean and variance of x at the end; the fastest of five."""
-    subprocess.run(["gcc", "-O2", "-std=c99", f"-I{folder}", "-o", folder / name, *sources, "-lm"], check=True)
+    command = ["gcc", "-O2", "-std=c99", f"-DRTOL={rtol}", f"-I{folder}", "-o", folder / name, *sources, "-lm"]
+    subprocess.run(command, check=True)
     runs = [subprocess.run([folder / name], capture_output=True, text=True, check=True).stdout for _ in range(5)]
     return min([float(number) for number in re.split(r"\s+", run.strip())] for run in runs)
 
 
-def main() -> None:
+def paths_seconds(model: cs.Model) -> float:
+    """2000 paths of the compiled Monte Carlo over the model's own run, compiled before; the fastest of three."""
+    cs.simulate(model, 32, times=[10.0], seed=1)
+    return min(cs.simulate(model, 2000, times=[10.0], seed=seed).seconds["paths"] for seed in (1, 2, 3))
+
+
+def figure_3(place: Path) -> None:
+    """By hand and exported at two tolerances, and the paths beside them."""
     compiled = cs.compile(ROOT / "models" / "oleo_acceleration.toml")
+    folder = compiled.export_c(place / "c", prefix="oleo")
+    library = [path for path in folder.glob("*.c") if path.name not in ("main.c", "test.c")]
+    (folder / "hand_main.c").write_text(HAND)
+    (folder / "exported_main.c").write_text(EXPORTED)
+    monte_carlo = paths_seconds(compiled.model)
+    print(f"2000 paths {monte_carlo:.3f} s")
+    for rtol in ("1e-6", "1e-3"):
+        hand = measured(folder, "hand", [folder / "hand_main.c"], rtol)
+        exported = measured(folder, "exported", [*library, folder / "exported_main.c"], rtol)
+        for name, (seconds, steps, rates, mean, variance) in (("by hand", hand), ("exported", exported)):
+            work = f"{1e3 * seconds:.3f} ms  {steps:.0f} steps  {rates:.0f} rates"
+            result = f"mean {mean:.8f}  variance {variance:.8f}"
+            print(f"rtol {rtol}  {name:10} {work}  {result}  2000 paths / run {monte_carlo / seconds:.0f}")
+        print(f"rtol {rtol}  exported / by hand {exported[0] / hand[0]:.2f}")
+
+
+def large(place: Path) -> None:
+    """Seconds to export, and to compile at -O1."""
+    for name, model in (("half car", ROOT / "models" / "half_car_acceleration.toml"), ("30 states", car(30))):
+        compiled = cs.compile(model)
+        begin = perf_counter()
+        folder = compiled.export_c(place / name.replace(" ", "_"), prefix="large")
+        exported = perf_counter() - begin
+        sources = sorted(path for path in folder.glob("*.c") if path.name != "test.c")
+        begin = perf_counter()
+        subprocess.run(["gcc", "-O1", "-std=c99", f"-I{folder}", "-o", folder / "large", *sources, "-lm"], check=True)
+        text = sum(path.stat().st_size for path in folder.iterdir() if path.suffix in (".c", ".h")) / 1e6
+        size = f"{len(compiled.states)} states, {compiled.packing.size} equations, {text:.1f} MB"
+        print(f"{name}: {size}; export {exported:.1f} s, compile {perf_counter() - begin:.1f} s")
+
+
+def main() -> None:
     with tempfile.TemporaryDirectory() as place:
-        folder = compiled.export_c(Path(place) / "c", prefix="oleo")
-        library = [path for path in folder.glob("*.c") if path.name not in ("main.c", "test.c")]
-        (folder / "hand_main.c").write_text(HAND)
-        (folder / "exported_main.c").write_text(EXPORTED)
-        hand = measured(folder, "hand", [folder / "hand_main.c"])
-        exported = measured(folder, "exported", [*library, folder / "exported_main.c"])
-    for name, (seconds, steps, rates, mean, variance) in (("by hand", hand), ("exported", exported)):
-        work = f"{1e3 * seconds:.3f} ms  {steps:.0f} steps  {rates:.0f} rates"
-        print(f"{name:10} {work}  mean {mean:.8f}  variance {variance:.8f}")
-    print(f"ratio {exported[0] / hand[0]:.2f}")
+        figure_3(Path(place))
+        large(Path(place))
 
 
 if __name__ == "__main__":
