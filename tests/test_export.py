@@ -484,7 +484,10 @@ def _grown(inner):
     )
 
 
-@settings(max_examples=4, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+SLOW = [HealthCheck.too_slow, HealthCheck.data_too_large]
+
+
+@settings(max_examples=4, deadline=None, derandomize=True, suppress_health_check=SLOW)
 @given(
     made=st.lists(st.recursive(_leaf(), _grown, max_leaves=12), min_size=40, max_size=60),
     names=st.lists(WORDS, min_size=20, max_size=30, unique=True),
