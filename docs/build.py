@@ -32,11 +32,9 @@ ELEMENTS = """# The library of elements
 
 Nonlinearities by the names of the field, to be used in a model file,
 
-```toml
-[elements.seal]
-library = "coulomb"
-force = "F_c"
-```
+    [elements.seal]
+    library = "coulomb"
+    force = "F_c"
 
 or in Python, `cs.from_library("coulomb", "seal", force="F_c")`. Each is an expression in the language of the model
 file, printed here, so that the next one can be written like it. Coefficients are numbers or expressions in parameters
