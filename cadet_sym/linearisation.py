@@ -38,6 +38,11 @@ class LinearForm:
         """The form written in the states."""
         return sp.Add(*(c * states[i] for i, c in self.coefficients), self.constant)
 
+    @property
+    def operations(self) -> int:
+        """How much its coefficients take to compute."""
+        return sum(int(sp.count_ops(c)) + len(c.free_symbols) for _, c in self.coefficients)
+
     def scale(self, values: Mapping[sp.Symbol, float]) -> float:
         """The largest of its coefficients that are known: what one unit of a state is of the argument."""
         known = [abs(float(evaluate(c, values))) for _, c in self.coefficients if c.free_symbols <= values.keys()]
@@ -299,7 +304,7 @@ class _Splitter:
         found: dict[LinearForm, bool] = {}
         self._collect(term, inside=False, found=found)
         basis = _Basis()
-        for form in sorted(found, key=lambda f: not found[f]):  # those inside nonlinear functions first
+        for form in sorted(found, key=lambda f: (not found[f], f.operations)):  # inside nonlinear functions, and simple, first
             basis.add(form)
         return tuple(basis.forms), self._rewrite(term, basis)
 

@@ -160,7 +160,7 @@ def _over(
     rest = tuple(arguments[i] for i in others)
 
     def inner(expr: sp.Expr) -> DescribingFunction:
-        return describe(rest, expr, where, Wish({z: 0.37, **wish.sample}, INNER_ERROR, wish.plain))
+        return describe(rest, expr, where, replace(wish, sample={z: 0.37, **wish.sample}, error=INNER_ERROR))
 
     splitter = Splitter(z, where)
     own = body.replace(lambda e: isinstance(e, Lookup) and e.has(z), lambda e: e.as_piecewise())

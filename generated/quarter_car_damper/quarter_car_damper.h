@@ -35,15 +35,15 @@ enum {
 };
 
 /* Operations of one evaluation; they do not depend on the data.
- * rate: 849 additions, 665 comparisons, 101 divisions, 12 function calls, 657 multiplications, 1 square roots
- * jacobian: 3427 additions, 1986 comparisons, 301 divisions, 12 function calls, 4802 multiplications, 1 square
+ * rate: 347 additions, 196 comparisons, 41 divisions, 6 function calls, 299 multiplications, 1 square roots
+ * jacobian: 1612 additions, 782 comparisons, 182 divisions, 6 function calls, 2283 multiplications, 1 square
  *   roots
- * outputs: 3870 additions, 2562 comparisons, 400 divisions, 48 function calls, 3296 multiplications, 4 square
+ * outputs: 1345 additions, 728 comparisons, 104 divisions, 24 function calls, 1404 multiplications, 4 square
  *   roots
  */
 enum {
-    QUARTER_CAR_DAMPER_RATE_OPERATIONS = 2285,
-    QUARTER_CAR_DAMPER_OUTPUT_OPERATIONS = 10180
+    QUARTER_CAR_DAMPER_RATE_OPERATIONS = 890,
+    QUARTER_CAR_DAMPER_OUTPUT_OPERATIONS = 3609
 };
 
 enum { /* states */

@@ -35,13 +35,13 @@ enum {
 };
 
 /* Operations of one evaluation; they do not depend on the data.
- * rate: 140 additions, 78 comparisons, 26 divisions, 3 function calls, 146 multiplications, 1 square roots
- * jacobian: 357 additions, 143 comparisons, 62 divisions, 1 function calls, 516 multiplications, 1 square roots
- * outputs: 128 additions, 110 comparisons, 16 divisions, 2 function calls, 114 multiplications, 2 square roots
+ * rate: 134 additions, 54 comparisons, 24 divisions, 3 function calls, 132 multiplications, 1 square roots
+ * jacobian: 345 additions, 113 comparisons, 63 divisions, 1 function calls, 474 multiplications, 1 square roots
+ * outputs: 116 additions, 69 comparisons, 12 divisions, 2 function calls, 90 multiplications, 2 square roots
  */
 enum {
-    ROAD_CLASS_CHANGE_RATE_OPERATIONS = 394,
-    ROAD_CLASS_CHANGE_OUTPUT_OPERATIONS = 372
+    ROAD_CLASS_CHANGE_RATE_OPERATIONS = 348,
+    ROAD_CLASS_CHANGE_OUTPUT_OPERATIONS = 291
 };
 
 enum { /* states */
