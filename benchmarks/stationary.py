@@ -73,7 +73,7 @@ def sizes(big: bool) -> None:
         N = evaluate(p, point.mean, point.covariance).N
         one = median_seconds(lambda N=N, p=p: solve_continuous_lyapunov(N, -p.D), repeats)
         peer = ""
-        if n <= 16:
+        if n <= 64:
             peer = f"{1e3 * median_seconds(lambda p=p: scipy_root(p, np.zeros(p.n), 0.1 * np.eye(p.n)), 1):.0f}"
         print(f"{n:4d} {1e3 * ours:11.1f} {1e3 * one:14.2f} {ours / one:9.1f} {peer:>14}      {point.path[-1]}")
 
