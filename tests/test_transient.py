@@ -191,6 +191,8 @@ def test_a_rate_that_jumps_as_the_run_leaves_rest_is_met_on_the_far_side():
     compiled = cs.compile(cs.Model(vehicle, noise=cs.Noise(("w",), sp.ImmutableMatrix([[1]])), duration=1))
     runs = [compiled.propagate([0.0, 1e-3, 1.0], engine=engine) for engine in ("direct", "implicit", "explicit")]
     for run in runs:
+        assert not run.state_mean[0].any()
+        assert not run.state_covariance[0].any()
         assert run.covariance["x", "v"][1] == pytest.approx(0.5e-6, rel=0.01)
         np.testing.assert_allclose(run.state_covariance[2], runs[0].state_covariance[2], rtol=1e-6)
     # E[sign(v x)] is 2 asin(r)/pi, and r = sqrt(3)/2 as soon as white noise has driven a mass

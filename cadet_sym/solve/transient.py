@@ -90,12 +90,18 @@ class Trajectory:
 
 @dataclass(frozen=True)
 class Start:
-    """Where a run starts and what it meets: packed moments, parameters, times of known breakpoints, time of the start."""
+    """Where a run starts and what it meets: packed moments at t = 0, parameters, times of known breakpoints."""
 
     y: Array
     p: Array
     breakpoints: tuple[float, ...] = ()
-    time: float = 0.0
+    beyond: tuple[float, Array] | None = None
+    """Where the rate jumps at t = 0, the time and the packed moments on the far side (see `onset`)."""
+
+    @property
+    def first(self) -> tuple[float, Array]:
+        """Time and packed moments from which to integrate."""
+        return self.beyond or (0.0, self.y)
 
 
 class Engine(Protocol):
@@ -150,8 +156,7 @@ def integrate(
     packing = lowered.facts.packing
     kind = engine if engine != "auto" else _chosen(lowered, start, grid)
     size = _sizes(lowered, start, float(grid[-1]), "direct" if kind == "native" else kind, declared)
-    if (later := past_onset(lowered, start.y, start.p, float(grid[grid > 0].min(initial=grid[-1])))) is not None:
-        start = replace(start, time=later[0], y=later[1])
+    start = replace(start, beyond=past_onset(lowered, start.y, start.p, float(grid[grid > 0].min(initial=grid[-1]))))
     y, used = _march(lowered, start, grid, kind, _tolerance(rtol, size, packing), rtol)
     if not fits(size, y, packing):
         size = peaks(np.vstack([start.y, y]), packing)
@@ -278,7 +283,8 @@ def _rough_run(lowered: MomentFunctions, start: Start, duration: float, kind: st
 
 
 def _edges(start: Start, grid: Array) -> list[float]:
-    return [start.time, *sorted(b for b in set(start.breakpoints) if start.time < b < grid[-1]), float(grid[-1])]
+    first = start.first[0]
+    return [first, *sorted(b for b in set(start.breakpoints) if first < b < grid[-1]), float(grid[-1])]
 
 
 def _march(
@@ -294,7 +300,7 @@ def _march(
     A breakdown leaves as it is, or, where the tolerance asked for is given, explained to the user.
     """
     engine = _engine(lowered, start.p, kind, tolerance)
-    y, found = start.y, [start.y] if grid[0] == 0 else []
+    y, found = start.first[1], [start.y] if grid[0] == 0 else []
     for begin, end in itertools.pairwise(_edges(start, grid)):
         if end <= begin:
             continue
