@@ -143,8 +143,10 @@ def stationary(
                 curves.save(save)
             if plot:
                 curves.plot(plot)
-        _print_json(curves.to_dict()) if as_json else print(curves)
-        if not as_json:
+        if as_json:
+            _print_json(curves.to_dict())
+        else:
+            print(curves)
             _print_written(save, plot)
         return
     with _computing():

@@ -105,7 +105,10 @@ def exact_orthant(h, k, rho):
     if abs(rho) == 1:
         return float(mp.ncdf(-max(h, k))) if rho > 0 else 0.0
     r = mp.sqrt(1 - mp.mpf(rho) ** 2)
-    inner = lambda x: mp.npdf(x) * mp.ncdf((rho * x - k) / r)  # noqa: E731
+
+    def inner(x):
+        return mp.npdf(x) * mp.ncdf((rho * x - k) / r)
+
     turn = k / rho if rho else h
     breaks = sorted({h, h + 1, h + 3, h + 9} | {t for t in (turn, turn - r, turn + r, turn + 6 * r) if h < t < h + 9})
     return float(mp.quad(inner, breaks))

@@ -132,7 +132,8 @@ def test_a_sweep_keeps_values_without_a_solution():
 
 
 def test_netcdf_gives_back_what_was_saved_with_its_attributes(history, tmp_path):
-    xr = pytest.importorskip("xarray")
+    import xarray as xr
+
     path = history.save(tmp_path / "new folder" / "run.nc")
     with xr.open_dataset(path, engine="h5netcdf") as dataset:
         assert dataset["covariance"].dims == ("time", "state", "state_2")

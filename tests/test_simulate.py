@@ -61,7 +61,6 @@ def same(a: Ensemble, b: Ensemble) -> bool:
 @pytest.mark.parametrize("model", [toml(HALF_CAR), oleo("R43C")], ids=["half car", "oleo"])
 @pytest.mark.parametrize("paired", [False, True])
 def test_numpy_and_numba_give_the_same_paths(model, paired):
-    pytest.importorskip("numba")
     problem = Problem(augment(model), np.linspace(0.0, 1.5, 7))
     plan, _ = problem.plan(0.013, paired=paired)
     fast, plain = (records_of(plan, engine, 11, 3, 21) for engine in ("numba", "numpy"))
@@ -83,7 +82,8 @@ def test_a_pair_is_the_two_runs_it_stands_for():
 
 def test_two_programs_never_share_a_name():
     """Machine code is found by the names of functions, also where it was compiled by another process."""
-    fast = pytest.importorskip("cadet_sym.simulation.fast")
+    from cadet_sym.simulation import fast
+
     programs = [Problem(augment(m), np.array([1.0])).program for m in (oleo("R43C"), toml(HALF_CAR))]
     pairs = [fast.compile_program(program.numba_source) for program in programs]
     assert len({function.__name__ for pair in pairs for function in pair}) == 4
@@ -100,7 +100,6 @@ print(repr(simulate(model, 40, times=[1.0], step=0.1, check_step=False, threads=
 
 def test_what_numba_left_on_disk_and_cannot_read_is_written_anew(tmp_path):
     """An index that names a module which is no more, or is cut off."""
-    pytest.importorskip("numba")
 
     def small_run() -> str:
         environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}

@@ -175,7 +175,6 @@ def test_a_run_in_start_has_no_twin():
 
 
 def test_numpy_and_numba_carry_the_same_riders():
-    pytest.importorskip("numba")
     compiled = cs.compile(oleo("R43C", duration=1.0))
     times = np.array([0.5, 1.0])
     system = augment(compiled.model)

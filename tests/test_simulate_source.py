@@ -109,7 +109,8 @@ def test_measured_curves_are_searched(engine, outside, method):
     if engine == "numpy":
         found = curves.lookup(at, table, 3, len(rows))
     else:
-        fast = pytest.importorskip("cadet_sym.simulation.fast")
+        from cadet_sym.simulation import fast
+
         found = [fast.NAMESPACE["lookup"](float(a), table, 3, len(rows)) for a in at]
     assert np.allclose(found, evaluate(curve, {z: at}), rtol=1e-13, atol=1e-13)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from scipy import stats
 
 from cadet_sym.simulation.streams import HEIGHT, TAIL, WIDTH, Streams, ziggurat
@@ -48,7 +47,8 @@ def test_a_draw_belongs_to_its_path_and_number():
 
 
 def test_compiled_draws_are_the_same_numbers():
-    fast = pytest.importorskip("cadet_sym.simulation.fast")
+    from cadet_sym.simulation import fast
+
     streams = Streams.of(seed=5, first=0, count=fast.LANES, purpose=0)
     state, out = streams.state.copy(), np.zeros(3000 * fast.LANES)
     fast._draw(state, streams.gamma, out, 0, 3000, np.zeros(fast.LANES, np.uint64), np.zeros(fast.LANES + 1, np.int64))

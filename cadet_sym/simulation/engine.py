@@ -105,9 +105,9 @@ def simulate(
     """
     began = perf_counter()
     system = model if isinstance(model, AugmentedSystem) else augment(model)
-    auto = paths == "auto"
+    count = None if paths == "auto" else paths
     check_numbers(
-        paths=None if auto else paths, seed=seed, step=step, level=level, keep=keep, run_in=run_in, threads=threads,
+        paths=count, seed=seed, step=step, level=level, keep=keep, run_in=run_in, threads=threads,
         target=target, time_limit=time_limit,
     )  # fmt: skip
     engine = choose_engine(engine)
@@ -117,9 +117,9 @@ def simulate(
     forms = [i.form for i in inputs]
     problem = Problem(system, at, riders, twin, forms)
     factor = interval_factor(level)
-    goal = Goal(None if auto else paths, target, _watched(problem, watch), level, time_limit)  # type: ignore[arg-type]
+    goal = Goal(count, target, _watched(problem, watch), level, time_limit)
     seconds = {"preparing": perf_counter() - began}
-    precision = Precision(goal.paths or 2048, target if auto else None, factor, _PART * (time_limit or math.inf))
+    precision = Precision(goal.paths or 2048, target if count is None else None, factor, _PART * (time_limit or math.inf))
     chosen = choose_step(problem, precision, seed, step, run_in, engine, check_step, insist)
     if not chosen.worth:
         problem = Problem(system, at, riders, inputs=forms)
