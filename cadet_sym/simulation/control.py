@@ -161,12 +161,11 @@ class ControlTally:
         with np.errstate(divide="ignore", invalid="ignore"):
             off = np.where(spreads > 0.0, np.abs(means) / spreads, 0.0)
         mean, variance = self.centre + self.unit * best[0], self.unit**2 * best[1]
-        known = _KNOWN * np.abs(variance)
         return Controlled(
             mean=mean,
             variance=variance,
-            mean_standard_error=np.hypot(self.unit * error[0], _KNOWN * np.abs(mean) + np.sqrt(_KNOWN * known)),
-            variance_standard_error=np.hypot(self.unit**2 * error[1], known),
+            mean_standard_error=np.hypot(self.unit * error[0], _KNOWN * (np.abs(mean) + np.sqrt(np.abs(variance)))),
+            variance_standard_error=np.hypot(self.unit**2 * error[1], _KNOWN * np.abs(variance)),
             alarm=float(off.max(initial=0.0)),
         )
 

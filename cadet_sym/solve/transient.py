@@ -198,7 +198,7 @@ def _chosen(lowered: MomentFunctions, start: Start, grid: Array) -> str:
 def _choose(lowered: MomentFunctions, start: Start, grid: Array) -> str:
     """Direct while small; else by what explicit formulas would cost: the frequencies of P are sums of two of N's."""
     packing = lowered.facts.packing
-    if lowered.jit and packing.size <= NATIVE and _fastest(lowered, start, grid) <= QUICK:
+    if lowered.jit and packing.size <= NATIVE and np.abs(_modes(lowered, start, grid)).max(initial=0.0) <= QUICK:
         return "native"
     few = len(_edges(start, grid)) - 1 <= FEW
     if few and packing.size <= (SMALL if lowered.facts.delay is None else SMALL_DELAYED):
@@ -219,11 +219,6 @@ def _modes(lowered: MomentFunctions, start: Start, grid: Array) -> npt.NDArray[n
     if not np.isfinite(matrices).all():
         return np.array([complex(np.nan)])
     return np.asarray(2 * duration * np.linalg.eigvals(matrices), dtype=complex)
-
-
-def _fastest(lowered: MomentFunctions, start: Start, grid: Array) -> float:
-    fastest = np.abs(_modes(lowered, start, grid)).max(initial=0.0)
-    return float(fastest) if np.isfinite(fastest) else np.inf
 
 
 def _tolerance(rtol: float, size: Array, packing: Packing) -> Tolerance:
