@@ -119,10 +119,6 @@ def rows_of(compiled: cs.CompiledModel, name: str, times: np.ndarray, runs: dict
 def figure_3(table: Table, repeat: int, monte_carlo: bool) -> None:
     compiled, times, by_hand = cs.compile(FIGURE_3), np.linspace(0, 10, 101), scripts.figure_3()
     runs = {"cadet-sym": (ours(compiled, times), 3 * repeat)}
-    try:
-        runs["cadet-sym, jit"] = (ours(cs.compile(FIGURE_3, jit=True), times), 3 * repeat)
-    except cs.ModelError as error:
-        print(error, file=sys.stderr)
     runs["CasADi CVODES"] = (casadi_alone(compiled, times), 3 * repeat)
     runs["script, LSODA"] = (script(by_hand, times, "LSODA"), max(2, repeat // 2))
     runs["script, DOP853"] = (script(by_hand, times, "DOP853"), 2)

@@ -73,7 +73,7 @@ def moments(
         float | None, typer.Option(metavar="T", help="One period of moments that repeat with it, instead of the run.")
     ] = None,
     rtol: RelativeTolerance = None,
-    jit: Annotated[bool, typer.Option("--jit", help="Make machine code with the C compiler that is there.")] = False,
+    jit: Annotated[bool, typer.Option("--jit", help="Take seconds to make good machine code of a large model.")] = False,
     as_json: Json = False,
     save: Save = None,
     plot: Plot = None,

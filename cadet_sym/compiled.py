@@ -56,18 +56,14 @@ def compile(
     parameters : values in place of those declared; the model is checked with them.
     grid : elements and nodes an element between two wheels of one track (see `cadet_sym.delay`); by default the
         cheapest that resolves the vehicle's modes at the speeds of the run.
-    jit : have machine code made by the C compiler that is there: seconds the first time, none after that, and runs of
-        small models are several times faster.
+    jit : take seconds to make good machine code of large models too; it is kept, so that it is made once. That of small
+        ones is made in any case.
 
     Raises
     ------
     ModelError, LinearisationError
-        If the model is wrong, or an element has no Gaussian expectation; if `jit` finds no compiler.
+        If the model is wrong, or an element has no Gaussian expectation.
     """
-    if jit:
-        from cadet_sym.lowering.machine import find_compiler
-
-        find_compiler()
     values = dict(parameters or {})
     if isinstance(model, str | Path):
         made = from_file(Path(model), values, grid)

@@ -11,12 +11,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
 
 import casadi as ca
 
 from cadet_sym.errors import ExportError
 from cadet_sym.export.tables import constant
+from cadet_sym.lowering.operations import Entry, cut
+from cadet_sym.lowering.operations import operations as take_apart
 
 __all__ = ["Program", "Step", "operations", "translate"]
 
@@ -105,9 +106,8 @@ def translate(function: ca.Function, name: str, scalars: Sequence[str] = ()) -> 
         If an operation has no C.
     """
     steps = operations(function, scalars)
-    used = _last_uses(steps)
-    blocks = [range(k, min(k + BLOCK, len(steps))) for k in range(0, len(steps), BLOCK)] or [range(0)]
-    slots, scratch = _slots(steps, used, blocks)
+    pieces = cut(steps, BLOCK)
+    blocks, slots, scratch = pieces.ranges, pieces.places, pieces.scratch
     outputs = function.name_out()
     signature = ", ".join(
         [f"R {x}" if x in scalars else f"const R *restrict {x}" for x in function.name_in()]
@@ -133,66 +133,30 @@ def translate(function: ca.Function, name: str, scalars: Sequence[str] = ()) -> 
     return Program(name, "\n\n".join(texts) + "\n", scratch, dict(sorted(counts.items())))
 
 
-@cache
-def _operation_names() -> dict[int, str]:
-    return {getattr(ca, name): name[3:] for name in dir(ca) if name.startswith("OP_")}
-
-
 def operations(function: ca.Function, scalars: Sequence[str]) -> list[Step]:
-    """The operations in the order of evaluation, work registers resolved to the step that filled them."""
-    if not function.is_a("SXFunction"):
-        raise ExportError(f"`{function.name()}` is not made of scalar operations and cannot be written as C")
-    names, inputs, outputs = _operation_names(), function.name_in(), function.name_out()
-    register: dict[int, str | int] = {}
-    steps: list[Step] = []
-    for k in range(function.n_instructions()):
-        kind = names[function.instruction_id(k)]
-        into = function.instruction_output(k)
-        if kind == "CONST":
-            register[into[0]] = constant(function.instruction_constant(k))
-        elif kind == "INPUT":
-            which, entry = function.instruction_input(k)
-            register[into[0]] = inputs[which] if inputs[which] in scalars else f"{inputs[which]}[{entry}]"
-        elif kind == "OUTPUT":
-            source = register[function.instruction_input(k)[0]]
-            steps.append(Step(f"{outputs[into[0]]}[{into[1]}]", (source,)))
-        elif kind in OPERATIONS:
-            operands = tuple(register[i] for i in function.instruction_input(k))
-            register[into[0]] = len(steps)
-            steps.append(Step(kind, operands))
-        else:
+    """The operations in the order of evaluation, all that they refer to as text or as the step that made it."""
+    try:
+        found = take_apart(function)
+    except ValueError as error:
+        raise ExportError(f"{error} and cannot be written as C") from None
+    inputs, outputs = function.name_in(), function.name_out()
+
+    def text(operand: int | float | Entry) -> str | int:
+        if isinstance(operand, Entry):
+            name = inputs[operand.vector]
+            return name if name in scalars else f"{name}[{operand.index}]"
+        return operand if type(operand) is int else constant(operand)
+
+    steps = []
+    for kind, operands, written in found:
+        if written is None and kind not in OPERATIONS:
             raise ExportError(
                 f"the operation `{kind.lower()}` in `{function.name()}` has no counterpart in C; "
                 "write the model without it"
             )
+        place = kind if written is None else f"{outputs[written.vector]}[{written.index}]"
+        steps.append(Step(place, tuple(map(text, operands))))
     return steps
-
-
-def _last_uses(steps: Sequence[Step]) -> dict[int, int]:
-    used: dict[int, int] = {}
-    for k, step in enumerate(steps):
-        for operand in step.operands:
-            if isinstance(operand, int):
-                used[operand] = k
-    return used
-
-
-def _slots(steps: Sequence[Step], used: Mapping[int, int], blocks: Sequence[range]) -> tuple[dict[int, int], int]:
-    """A place in the scratch array for every value that a later block needs; places are used again."""
-    slots: dict[int, int] = {}
-    free: list[int] = []
-    returned: dict[int, list[int]] = {}
-    count = 0
-    for b, block in enumerate(blocks):
-        free += returned.pop(b, [])
-        for k in block:
-            if used.get(k, -1) < block.stop:
-                continue
-            slot = free.pop() if free else count
-            count += slot == count
-            slots[k] = slot
-            returned.setdefault(used[k] // BLOCK + 1, []).append(slot)
-    return slots, count
 
 
 def _body(steps: Sequence[Step], block: range, blocks: Sequence[range], slots: Mapping[int, int]) -> list[str]:

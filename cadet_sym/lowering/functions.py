@@ -7,7 +7,7 @@ something is asked for that was never made.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Hashable
+from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -15,12 +15,23 @@ import casadi as ca
 
 from cadet_sym.cache import Shelf
 from cadet_sym.lowering.facts import Facts
+from cadet_sym.lowering.llvm import intermediate
+from cadet_sym.lowering.machine import MachineCode, available, machine_code
 
 if TYPE_CHECKING:
     from cadet_sym.lowering.system import LoweredSystem
     from cadet_sym.moments import MomentEquations
 
 __all__ = ["MomentFunctions"]
+
+SMALL = 2000
+"""Operations of a function up to which thorough machine code takes a tenth of a second ..."""
+
+LARGE = 20_000
+"""... up to which some machine code takes half a second ..."""
+
+LARGEST = 200_000
+"""... and up to which it takes seconds, and is made only where that is asked for."""
 
 
 def _kept(make: Callable[[MomentFunctions], ca.Function]) -> cached_property[ca.Function]:
@@ -50,8 +61,8 @@ class MomentFunctions:
 
     def __init__(self, facts: Facts, make: Callable[[], LoweredSystem], shelf: Shelf | None = None) -> None:
         self.facts, self._make, self._shelf = facts, make, shelf
-        self.jit = False  # whether machine code is wanted
-        self._machine: dict[Hashable, ca.Function] = {}
+        self.jit = False  # whether machine code is worth seconds
+        self._machine: dict[str, MachineCode | None] = {}
 
     @cached_property
     def symbolic(self) -> LoweredSystem:
@@ -82,28 +93,21 @@ class MomentFunctions:
         if self._shelf is not None:
             self._shelf.write(f"{name}.casadi", function.serialize().encode())
 
-    def machine_code(self, key: Hashable, make: Callable[[], ca.Function]) -> ca.Function:
-        """A function as machine code, known by a key in this process and by its own text in all.
+    def machine(self, name: str) -> MachineCode | None:
+        """One of the functions as machine code; None where that is not to be had, or takes long and was not asked for."""
+        if name not in self._machine:
+            self._machine[name] = self._compiled(name)
+        return self._machine[name]
 
-        Raises
-        ------
-        ModelError
-            If there is no compiler, or it fails.
-        """
-        if key not in self._machine:
-            from cadet_sym.lowering.machine import machine_code
-
-            self._machine[key] = machine_code(make(), self._shelf)
-        return self._machine[key]
-
-    @cached_property
-    def fast_rate(self) -> ca.Function:
-        """The rate, as machine code where that is wanted and does not take minutes to make."""
-        from cadet_sym.lowering.machine import LARGEST
-
-        if not self.jit or self.rate.n_instructions() > LARGEST:
-            return self.rate
-        return self.machine_code("rate", lambda: self.rate)
+    def _compiled(self, name: str) -> MachineCode | None:
+        function = getattr(self, name)
+        if function.n_instructions() > (LARGEST if self.jit else LARGE) or not available():
+            return None
+        thorough = self.jit or function.n_instructions() <= SMALL
+        try:
+            return machine_code(intermediate(function, name), name, shelf=self._shelf, effort=int(thorough))
+        except ValueError:  # an operation that only CasADi knows
+            return None
 
     @_kept
     def rate(self) -> ca.Function:
@@ -119,6 +123,20 @@ class MomentFunctions:
     def held_rate(self) -> ca.Function:
         """(t, s, V, y, p) -> dy/dt at a constant speed, wheels all on the ground."""
         return self.symbolic.held_rate
+
+    @_kept
+    def free_entries(self) -> ca.Function:
+        """() -> the packed moments that do not stay as they are at the start."""
+        from cadet_sym.lowering.held import free_entries
+
+        return free_entries(self)
+
+    @_kept
+    def free_rate(self) -> ca.Function:
+        """(t, y free, [p; y held]) -> dy/dt of the free moments."""
+        from cadet_sym.lowering.held import free_rate
+
+        return free_rate(self)
 
     @_kept
     def outputs(self) -> ca.Function:

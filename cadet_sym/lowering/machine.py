@@ -1,106 +1,100 @@
-"""Turn a CasADi function into machine code, with the C compiler that is there, and keep it in the cache.
+"""Turn LLVM's intermediate language into machine code, and keep it in the cache. No compiler needs to be there.
 
-The code is found by the digest of its own C, so that it is never out of date; it is loaded only if it is, to the last
-byte, what the compiler wrote.
+The compiler is the one that numba brings. Code is found by the digest of its text, the processor and the compiler's
+version, so that it is never out of date or meant for another machine.
 """
 
 from __future__ import annotations
 
-import contextlib
+import ctypes
+import ctypes.util
 import hashlib
-import os
-import shutil
-import subprocess
-import sys
-import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
-
-import casadi as ca
+from typing import Any
 
 from cadet_sym.cache import Shelf
-from cadet_sym.errors import ModelError
 
-__all__ = ["LARGEST", "find_compiler", "machine_code"]
-
-LARGEST = 40_000
-"""Operations of a function up to which compiling it takes seconds, not minutes."""
-
-COMPILERS = ("cc", "gcc", "clang")
+__all__ = ["MachineCode", "available", "machine_code"]
 
 
-def find_compiler() -> str:
-    """The C compiler: `CC` of the environment, or the first that is there.
+@dataclass(frozen=True)
+class MachineCode:
+    """Functions in memory, by name; they live as long as this record does."""
 
-    Raises
-    ------
-    ModelError
-        If there is none.
-    """
-    wanted = [os.environ["CC"]] if os.environ.get("CC") else list(COMPILERS)
-    for name in wanted:
-        if found := shutil.which(name):
-            return found
-    raise ModelError(f"machine code needs a C compiler, but there is no {' or '.join(wanted)}; leave `jit` out.")
+    addresses: Mapping[str, int]
+    _engine: Any
 
-
-def machine_code(function: ca.Function, shelf: Shelf | None) -> ca.Function:
-    """The same function, compiled; what was compiled before is loaded.
-
-    Raises
-    ------
-    ModelError
-        If there is no compiler, or it fails.
-    """
-    generator = ca.CodeGenerator(f"{function.name()}.c")
-    generator.add(function)
-    text = generator.dump()
-    name = f"{function.name()}-{hashlib.sha256(text.encode()).hexdigest()[:24]}.so"
-    place = _temporary() if shelf is None else shelf.path
-    library = place / name
-    if shelf is None or not library.is_file() or shelf.read(f"{name}.sum") != _sum(library):
-        code = _compile(text)
-        library = _keep(code, place, name)
-        if shelf is not None and library.parent == shelf.path:
-            shelf.write(f"{name}.sum", _sum(library))
-    return ca.external(function.name(), str(library))
-
-
-def _compile(text: str) -> bytes:
-    compiler = find_compiler()
-    with tempfile.TemporaryDirectory() as folder:
-        source, library = Path(folder) / "code.c", Path(folder) / "code.so"
-        source.write_text(text)
-        flags = ["-O2", "-ffp-contract=off", "-fPIC", "-shared"]
-        command = [compiler, *flags, str(source), "-o", str(library), *([] if sys.platform == "win32" else ["-lm"])]
-        done = subprocess.run(command, capture_output=True, text=True)
-        if done.returncode:
-            reason = (done.stderr.strip().splitlines() or ["no reason given"])[0]
-            raise ModelError(f"`{compiler}` cannot compile the moment equations: {reason}; leave `jit` out.")
-        return library.read_bytes()
-
-
-def _keep(code: bytes, place: Path, name: str) -> Path:
-    """Whole into its place; where that cannot be written to, into one that lasts as long as this process."""
-    for folder in (place, _temporary()):
-        with contextlib.suppress(OSError):
-            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            handle, beside = tempfile.mkstemp(prefix=".writing-", dir=folder)
-            with os.fdopen(handle, "wb") as file:
-                file.write(code)
-            os.replace(beside, folder / name)
-            return folder / name
-    raise ModelError("machine code cannot be written anywhere; leave `jit` out.")
-
-
-def _sum(library: Path) -> bytes:
-    return hashlib.sha256(library.read_bytes()).digest()
+    def function(self, name: str, *types: Any, returns: Any = None) -> Any:
+        """A function to be called with ctypes' types; it keeps this record alive."""
+        function = ctypes.CFUNCTYPE(returns, *types)(self.addresses[name])
+        function.code = self  # type: ignore[attr-defined]
+        return function
 
 
 @cache
-def _temporary() -> Path:
-    import atexit
+def available() -> bool:
+    """Whether LLVM is there and knows this machine."""
+    try:
+        _target(0)
+    except (ImportError, OSError, RuntimeError):
+        return False
+    return True
 
-    folder = tempfile.mkdtemp(prefix="cadet-sym-")
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    return Path(folder)
+
+def machine_code(text: str, *names: str, shelf: Shelf | None = None, effort: int = 1) -> MachineCode:
+    """The functions of a module in LLVM's intermediate language.
+
+    Parameters
+    ----------
+    names : of the functions wanted.
+    shelf : where the code is kept, if anywhere.
+    effort : 0 compiles six times as fast as 1 to code half as fast; 1 is for long stretches of arithmetic; 2 is for loops.
+    """
+    import llvmlite.binding as llvm
+
+    made_of = "\n".join([text, str(effort), llvm.get_host_cpu_name(), str(llvm.llvm_version_info)])
+    name = f"{names[0]}-{hashlib.sha256(made_of.encode()).hexdigest()[:24]}.o"
+    code = None if shelf is None else shelf.read(name)
+    if code is None:
+        code = _compiled(text, effort)
+        if shelf is not None:
+            shelf.write(name, code)
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target(effort))
+    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    return MachineCode({each: engine.get_function_address(each) for each in names}, engine)
+
+
+def _compiled(text: str, effort: int) -> bytes:
+    import llvmlite.binding as llvm
+
+    module = llvm.parse_assembly(text)
+    machine = _target(effort)
+    if effort > 1:
+        options = llvm.create_pipeline_tuning_options(speed_level=2)
+        options.loop_unrolling, options.slp_vectorization, options.inlining_threshold = False, False, 0  # cost, no gain
+        passes = llvm.create_pass_builder(machine, options)
+        passes.getModulePassManager().run(module, passes)
+    return machine.emit_object(module)
+
+
+def _target(effort: int) -> Any:
+    """The machine to compile for; an engine takes the one that it is given with it when it goes."""
+    import llvmlite.binding as llvm
+
+    _prepare()
+    return llvm.Target.from_default_triple().create_target_machine(
+        cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=2 * min(effort, 1), jit=True
+    )
+
+
+@cache
+def _prepare() -> None:
+    import llvmlite.binding as llvm
+
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    if (library := ctypes.util.find_library("m")) is not None:  # where the C library keeps its functions apart
+        llvm.load_library_permanently(library)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ctypes
+from collections.abc import Callable
 from functools import lru_cache
 from math import isfinite
 from typing import Any
@@ -37,10 +39,8 @@ class Rate:
     """dy/dt written into the caller's memory; counts its evaluations."""
 
     def __init__(self, lowered: MomentFunctions, p: Array) -> None:
-        self.buffer, self.evaluate = lowered.fast_rate.buffer()
         self.time, self.p = np.zeros(1), np.ascontiguousarray(p, dtype=float)
-        give(self.buffer, 0, self.time)
-        give(self.buffer, 2, self.p)
+        self._into = _machine(lowered, self.time, self.p) or _virtual(lowered, self.time, self.p)
         self.count, self._last, self._same = 0, -1.0, 0
 
     @property
@@ -56,12 +56,34 @@ class Rate:
             return
         self.time[0] = t
         self._last = self._last if self._same else t
-        give(self.buffer, 1, y)
-        take(self.buffer, 0, slope)
-        self.evaluate()
+        self._into(y, slope)
         self.count += 1
         if not isfinite(slope.sum()):  # SUNDIALS shortens its step for what is huge, and trips over what is no number
             slope[~np.isfinite(slope)] = HUGE
+
+
+def _machine(lowered: MomentFunctions, time: Array, p: Array) -> Callable[[Array, Array], None] | None:
+    """The rate as machine code, where that is to be had."""
+    code = lowered.machine("rate")
+    if code is None:
+        return None
+    run = code.function("rate", *[ctypes.c_void_p] * 4)
+    at, given = time.ctypes.data, p.ctypes.data
+    return lambda y, slope: run(at, y.ctypes.data, given, slope.ctypes.data)
+
+
+def _virtual(lowered: MomentFunctions, time: Array, p: Array) -> Callable[[Array, Array], None]:
+    """The rate in CasADi's virtual machine."""
+    buffer, evaluate = lowered.rate.buffer()
+    give(buffer, 0, time)
+    give(buffer, 2, p)
+
+    def run(y: Array, slope: Array) -> None:
+        give(buffer, 1, y)
+        take(buffer, 0, slope)
+        evaluate()
+
+    return run
 
 
 def gains(lowered: MomentFunctions, t: float, y: Array, p: Array) -> Array:

@@ -1,74 +1,113 @@
-"""Explicit Runge-Kutta in machine code: the whole integrator is compiled, for small systems the fastest of all.
+"""Explicit Runge-Kutta formulas as machine code, the rate too: for what is not stiff the fastest of all.
 
-One function carries the moments over one stretch of time, whose beginning and length are inputs, so that it serves for
-any output times; only the tolerance is compiled in.
+Moments that stay as they are at the start are left out (see `lowering.held`).
 """
 
 from __future__ import annotations
 
-import itertools
+import ctypes
 from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
+from weakref import WeakKeyDictionary
 
-import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 from cadet_sym.lowering.functions import MomentFunctions
+from cadet_sym.lowering.kernel import kernel
+from cadet_sym.lowering.machine import MachineCode
 from cadet_sym.solve.breakdown import Breakdown
-from cadet_sym.solve.evaluate import give, take
+from cadet_sym.solve.runge_kutta import PROCEDURES, REPORT, STALLED, WORK
 from cadet_sym.solve.scales import Tolerance
 
-__all__ = ["Native"]
+__all__ = ["Native", "has_machine_code"]
 
 Array = npt.NDArray[np.float64]
+Places = npt.NDArray[np.intp]
 
-EASIER = 2.0
-"""A pair of order 5(4) errs less over a run than formulas of varying order with the same tolerance: about this much."""
+RESTS = 1e-10
+"""A rate below this share of its own terms is zero."""
 
 
 @dataclass
 class Native:
-    """The moment equations of one run under a compiled Runge-Kutta pair of order 5(4)."""
+    """The moment equations of one run under the pair of order 8 of Dormand and Prince."""
 
     lowered: MomentFunctions
     p: Array
     tolerance: Tolerance
     steps: int = field(default=0, init=False)
-    name = "Runge-Kutta 5(4), machine code"
+    name = "Runge-Kutta 8(5,3), machine code"
 
     def advance(self, begin: float, y: Array, grid: Array) -> Array:
         """Packed moments (k, size) at the times of the grid, from y at `begin`."""
-        size, n = self.tolerance.size, len(y)
-        buffer, evaluate = self.lowered.machine_code(self._key(), self._integrator).buffer()
-        inputs = np.concatenate([self.p, size, [0.0, 0.0]])
-        start, end, found = y / size, np.empty(n), np.empty((len(grid), n))
-        give(buffer, 0, start)
-        give(buffer, 2, inputs)
-        take(buffer, 0, end)
-        for k, (before, after) in enumerate(itertools.pairwise([begin, *grid.tolist()])):
-            inputs[-2:] = before, after - before
-            try:
-                evaluate()
-            except RuntimeError as error:
-                raise Breakdown(str(error), found[:k] * size, before, start * size) from None
-            start[:] = found[k] = end
-        self.steps += len(grid)
-        if not np.isfinite(found).all():
+        free, held = _parts(self.lowered, self.p, y)
+        rate, which = _rate(self.lowered, held)
+        assert rate is not None, "chosen only where there is machine code"
+        x, n, report = y[free], len(free), np.zeros(REPORT)
+        values, work, size = np.empty((len(grid), n)), np.empty(WORK * n + 1), self.tolerance.size[free]
+        times, given = np.ascontiguousarray(grid, dtype=float), np.concatenate([self.p, y[held]])
+        status = _march()(
+            rate.addresses[which], begin, times.ctypes.data, len(times), x.ctypes.data, n, given.ctypes.data,
+            size.ctypes.data, self.tolerance.relative, self.tolerance.absolute, np.nextafter(times[-1], begin),
+            self.tolerance.steps, work.ctypes.data, values.ctypes.data, report.ctypes.data,
+        )  # fmt: skip
+        self.steps += int(report[1])
+        found = values if not len(held) else np.repeat(y[None], len(grid), axis=0)
+        if len(held):
+            found[:, free] = values
+        if status:
+            here = y.copy()
+            here[free] = x
+            reached = int(np.searchsorted(times, report[0], side="right"))
+            reason = "Its steps shrink to nothing." if status == STALLED else "It took too many steps."
+            raise Breakdown(reason, found[:reached], float(report[0]), here)
+        if not np.isfinite(values).all():
             raise Breakdown("the result is not finite")
-        return found * size
+        return found
 
-    def _key(self) -> tuple[float, float]:
-        return self.tolerance.relative, self.tolerance.absolute
 
-    def _integrator(self) -> ca.Function:
-        """[y over size], [p, size, begin, length] -> the same at the end of the stretch."""
-        n, count = self.lowered.facts.packing.size, len(self.lowered.parameters)
-        t, x, p = ca.SX.sym("t"), ca.SX.sym("x", n), ca.SX.sym("p", count + n + 2)
-        size, begin, length = p[count : count + n], p[count + n], p[count + n + 1]
-        ode = ca.cse(length * self.lowered.rate(begin + length * t, size * x, p[:count]) / size)
-        options = {
-            "reltol": min(EASIER * self.tolerance.relative, 1e-3),
-            "abstol": min(EASIER * self.tolerance.absolute * self.tolerance.relative, 1e-3),
-            "max_num_steps": self.tolerance.steps,
-        }
-        return ca.integrator("run", "erk", {"x": x, "p": p, "t": t, "ode": ode}, 0.0, [1.0], options)
+def has_machine_code(lowered: MomentFunctions, p: Array, y: Array) -> bool:
+    """Whether a run from y can be integrated so."""
+    return _rate(lowered, _parts(lowered, p, y)[1])[0] is not None
+
+
+def _rate(lowered: MomentFunctions, held: Places) -> tuple[MachineCode | None, str]:
+    name = "free_rate" if len(held) else "rate"
+    return lowered.machine(name), name
+
+
+@cache
+def _march() -> Any:
+    """The integrator; the same machine code for all models."""
+    vector, number, integer = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
+    types = (vector, number, vector, integer, vector, integer, vector, vector, number, number, number, integer)
+    return kernel(*PROCEDURES).function("march", *types, vector, vector, vector, returns=integer)
+
+
+_known: WeakKeyDictionary[MomentFunctions, dict[bytes, tuple[Places, Places]]] = WeakKeyDictionary()
+
+
+def _parts(lowered: MomentFunctions, p: Array, y: Array) -> tuple[Places, Places]:
+    """The packed moments that have to be integrated from y on, and those that stay."""
+    kept, key = _known.setdefault(lowered, {}), p.tobytes() + y.tobytes()
+    if key not in kept:
+        if len(kept) > 256:
+            kept.clear()
+        all_of_them = np.arange(len(y))
+        free = np.array(lowered.free_entries()["free"], dtype=np.intp).ravel()
+        held = np.setdiff1d(all_of_them, free)
+        kept[key] = (free, held) if len(held) and _rest(lowered, p, y, held) else (all_of_them, all_of_them[:0])
+    return kept[key]
+
+
+def _rest(lowered: MomentFunctions, p: Array, y: Array, held: Places) -> bool:
+    """Whether the rates of the held moments, which depend on them and the speed alone, vanish at any speed."""
+    nothing = y.copy()
+    nothing[held] = 0.0
+    for speed in (1.0, 2.7):
+        found, forced = (np.asarray(lowered.held_rate(0, 0, speed, at, p)).ravel()[held] for at in (y, nothing))
+        if not np.abs(found).max() <= RESTS * np.abs(forced).max():
+            return False
+    return True

@@ -27,7 +27,7 @@ from cadet_sym.solve.cvodes import Direct
 from cadet_sym.solve.definite import lost, warn_of_loss
 from cadet_sym.solve.evaluate import gains
 from cadet_sym.solve.krylov import Stepping
-from cadet_sym.solve.native import Native
+from cadet_sym.solve.native import Native, has_machine_code
 from cadet_sym.solve.onset import past_onset
 from cadet_sym.solve.scales import Tolerance, fits, peaks
 
@@ -53,11 +53,8 @@ SPARSE = 600
 BETWEEN = 100.0
 """How much more the correlation with the ground between two wheels may err: it is smoothed on its way to the wheel behind."""
 
-NATIVE = 150
-"""Packed moments up to which machine code of a whole integrator is made in seconds (15 states) ..."""
-
 QUICK = 20_000.0
-"""... and fastest rate of the covariance times duration up to which it is the fastest."""
+"""Fastest rate of the covariance times duration up to which explicit formulas in machine code are the fastest."""
 
 BUILT = 2500
 """Packed moments above which an integrator of CasADi's takes long to build (70 states)."""
@@ -137,7 +134,7 @@ def integrate(
     ----------
     engine : "auto", or "direct" (CasADi's CVODES), "implicit" or "krylov" (BDF with the Lyapunov inverse, by itself
         or as the preconditioner of GMRES), "explicit" (Adams, CasADi's CVODES), "stepping" (the same, restarted at no
-        cost), "native" (Runge-Kutta, compiled by the C compiler that is there).
+        cost), "native" (explicit Runge-Kutta formulas in machine code, where LLVM is there).
     declared : the start at the model's own parameters. The sizes found there serve for other values unless they turn
         out not to suit: repeated runs find them once, and no result depends on what ran before.
 
@@ -152,17 +149,22 @@ def integrate(
         raise ModelError(f"rtol is {rtol!r}; it must lie between 1e-13 and 0.1.")
     if engine not in ENGINES:
         raise ModelError(f"`{engine}` is not an engine; those are: {', '.join(ENGINES)}.")
+    if engine == "native" and not has_machine_code(lowered, start.p, start.y):
+        raise ModelError(
+            'engine "native": there is no machine code of this model, for it is large (have it made with `jit=True`) or '
+            "LLVM is not there; leave `engine` out."
+        )
     began = time.perf_counter()
     packing = lowered.facts.packing
     kind = engine if engine != "auto" else _chosen(lowered, start, grid)
-    size = _sizes(lowered, start, float(grid[-1]), "direct" if kind == "native" else kind, declared)
+    size = _sizes(lowered, start, float(grid[-1]), kind, declared)
     start = replace(start, beyond=past_onset(lowered, start.y, start.p, float(grid[grid > 0].min(initial=grid[-1]))))
-    y, used = _march(lowered, start, grid, kind, _tolerance(rtol, size, packing), rtol)
+    y, used = _march(lowered, start, grid, kind, _tolerance(rtol, size, packing, kind), rtol)
     if not fits(size, y, packing):
         size = peaks(np.vstack([start.y, y]), packing)
-        y, used = _march(lowered, start, grid, kind, _tolerance(rtol, size, packing), rtol)
+        y, used = _march(lowered, start, grid, kind, _tolerance(rtol, size, packing, kind), rtol)
     if lost(y, packing).any():
-        y, used = _march(lowered, start, grid, kind, _tolerance(rtol * 1e-3, size, packing), rtol)
+        y, used = _march(lowered, start, grid, kind, _tolerance(rtol * 1e-3, size, packing, kind), rtol)
         warn_of_loss(grid, y, packing, lowered.facts.states)
     statistics = {"steps": float(used.steps), "stretches": len(_edges(start, grid)) - 1.0}
     return Trajectory(grid, y, used.name, rtol, statistics | {"seconds": time.perf_counter() - began})
@@ -198,7 +200,7 @@ def _chosen(lowered: MomentFunctions, start: Start, grid: Array) -> str:
 def _choose(lowered: MomentFunctions, start: Start, grid: Array) -> str:
     """Direct while small; else by what explicit formulas would cost: the frequencies of P are sums of two of N's."""
     packing = lowered.facts.packing
-    if lowered.jit and packing.size <= NATIVE and np.abs(_modes(lowered, start, grid)).max(initial=0.0) <= QUICK:
+    if np.abs(_modes(lowered, start, grid)).max(initial=0.0) <= QUICK and has_machine_code(lowered, start.p, start.y):
         return "native"
     few = len(_edges(start, grid)) - 1 <= FEW
     if few and packing.size <= (SMALL if lowered.facts.delay is None else SMALL_DELAYED):
@@ -221,11 +223,13 @@ def _modes(lowered: MomentFunctions, start: Start, grid: Array) -> npt.NDArray[n
     return np.asarray(2 * duration * np.linalg.eigvals(matrices), dtype=complex)
 
 
-def _tolerance(rtol: float, size: Array, packing: Packing) -> Tolerance:
+def _tolerance(rtol: float, size: Array, packing: Packing, kind: str) -> Tolerance:
     """What a step may err by: errors add up, the more steps the more, and small values matter the more."""
     tight = min(1.0, max(rtol, 1e-13) / 1e-6)
     weighed = size.copy()
     weighed[len(size) - packing.ground :] *= BETWEEN
+    if kind == "native":  # the errors of its order hardly add up
+        return Tolerance(max(rtol, 1e-13), tight**0.5 * ABSOLUTE, weighed)
     return Tolerance(max(tight**0.75 * rtol, 2e-14), tight**0.5 * ABSOLUTE, weighed)
 
 

@@ -1,0 +1,151 @@
+"""Procedures as machine code do what they do as Python; steps by Runge-Kutta formulas, and what may stay as it is."""
+
+from __future__ import annotations
+
+import ctypes
+import dataclasses
+from math import sqrt
+
+import numpy as np
+import pytest
+import sympy as sp
+from conftest import ROOT
+
+import cadet_sym as cs
+from cadet_sym.lowering.kernel import Vector, kernel, kernel_text, part
+from cadet_sym.solve import runge_kutta
+from cadet_sym.solve.native import Native, _march, _parts
+from cadet_sym.solve.scales import Tolerance
+
+TABLE = (0.5, 2.0, -1.0)
+SCALE = 3.0
+
+
+def helper(x: Vector, n: int) -> float:
+    """Sum of squares of what is not negative."""
+    total = 0.0
+    for i in range(n):
+        if x[i] < 0.0:
+            continue
+        total += x[i] * x[i]
+    return total
+
+
+def everything(x: Vector, n: int, a: float, out: Vector) -> int:
+    """A bit of all that is understood."""
+    second = part(x, 1)
+    out[0] = sqrt(helper(x, n)) * SCALE - second[0]
+    k = 0
+    while True:
+        k += 1
+        if (k > 3 and k < n) or k >= 10:
+            break
+    out[1] = float(k) / 4 + k % 3 + k // 2
+    out[2] = min(a, x[0]) + max(a, 1.5) ** 2.0 + abs(-a)
+    out[3] = 1.0 if 0.0 <= a <= 1.0 and not a > 0.9 else -TABLE[n - 4]
+    out[4] = float(min(k, n) - max(k, 2))
+    j = int(a * 10.0)
+    for i in range(1, n):
+        j += i
+        if j > 12:
+            return j
+    return -j
+
+
+@pytest.mark.parametrize("a", [-2.0, 0.0, 0.5, 0.7, 1.3])
+@pytest.mark.parametrize("n", [4, 5, 6])
+def test_a_procedure_does_what_it_does_as_python(a, n):
+    x = np.array([0.3, -1.0, 2.0, 0.1, -0.2, 0.9])
+    as_python, as_code = np.zeros(5), np.zeros(5)
+    vector, number, integer = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
+    code = kernel(helper, everything).function("everything", vector, integer, number, vector, returns=integer)
+    expected = everything(x, n, a, as_python)
+    assert code(x.ctypes.data, n, a, as_code.ctypes.data) == expected
+    np.testing.assert_array_equal(as_code, as_python)
+
+
+def stranger(x: Vector) -> int:
+    """Steps outside."""
+    return sum([x[0], 1.0])
+
+
+def changeling(n: int) -> int:
+    """Changes a type."""
+    for k in range(n):
+        n = k + 0.5  # type: ignore[assignment]
+    return n
+
+
+@pytest.mark.parametrize("procedure", [stranger, changeling])
+def test_what_is_not_understood_is_refused(procedure):
+    with pytest.raises(SyntaxError, match="is not understood"):
+        kernel_text(procedure)
+
+
+def test_steps_as_machine_code_are_those_of_python(shipped):
+    compiled = shipped("oleo_acceleration")
+    functions, p, y = compiled.functions, compiled.parameter_vector(), compiled.initial()
+    n, grid = len(y), np.array([0.5, 1.0])
+
+    def rate(clock, state, values, slope):
+        slope[:n] = np.array(functions.rate(clock[0], state[:n], values)).ravel()
+
+    size, results = np.ones(n), []
+    for how in ("python", "code"):
+        state, work, found, report = y.copy(), np.zeros(runge_kutta.WORK * n + 1), np.zeros(2 * n), np.zeros(4)
+        vectors = (state, n, p, size, 1e-6, 1e-2, 1.0, 1000, work, found, report)
+        if how == "python":
+            runge_kutta.march(rate, 0.0, grid, 2, *vectors)
+        else:
+            code = functions.machine("rate")
+            _march()(code.addresses["rate"], 0.0, grid.ctypes.data, 2, *(
+                v.ctypes.data if isinstance(v, np.ndarray) else v for v in vectors
+            ))  # fmt: skip
+        results.append((found, report))
+    np.testing.assert_array_equal(results[0][0], results[1][0])
+    np.testing.assert_array_equal(results[0][1], results[1][1])
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8, 1e-10])
+def test_errors_stay_within_the_tolerance(shipped, rtol):
+    compiled = shipped("oleo_acceleration")
+    reference = compiled.propagate(points=11, rtol=1e-12)
+    history = compiled.propagate(points=11, rtol=rtol)
+    size = np.sqrt(reference.variance.values.max(axis=0))
+    assert history.provenance.engine == Native.name
+    assert (np.abs(history.state_covariance - reference.state_covariance) / np.outer(size, size)).max() < rtol
+
+
+def still_count(compiled: cs.CompiledModel) -> int:
+    return len(_parts(compiled.functions, compiled.parameter_vector(), compiled.initial())[1])
+
+
+def test_stationary_ground_under_a_wheel_is_not_integrated(shipped):
+    assert still_count(shipped("oleo_acceleration")) == 5  # two means, three covariances
+    assert still_count(shipped("duffing")) == 0  # no ground
+    assert still_count(shipped("road_class_change")) <= 2  # its means alone: the covariance changes along the road
+    compiled = shipped("oleo_acceleration")
+    native = Native(compiled.functions, compiled.parameter_vector(), Tolerance(1e-11, 1e-2, np.ones(14)))
+    grid, y = np.linspace(1, 10, 10), compiled.initial()
+    found = native.advance(0.0, y, grid)
+    everything_moves = compiled.propagate([0, *grid], engine="direct", rtol=1e-11)
+    np.testing.assert_allclose(
+        compiled.packing.unpack(found)[1], everything_moves.state_covariance[1:], rtol=1e-7, atol=1e-8
+    )
+
+
+def test_ground_that_starts_smooth_is_integrated():
+    model = cs.load(ROOT / "models" / "oleo_acceleration.toml")
+    smooth = dataclasses.replace(model, initial=cs.Initial(ground="smooth"))
+    assert still_count(cs.compile(smooth)) == 0
+
+
+def test_a_moment_that_runs_away_is_told_with_what_was_reached():
+    x, w = sp.symbols("x w")
+    model = cs.Model(cs.Vehicle(rates={x: x**3 + w}), noise=cs.Noise(names=("w",), intensity=sp.eye(1)), duration=10)
+    with pytest.raises(cs.SolverError) as caught:
+        cs.compile(model).propagate(points=1001)
+    partial = caught.value.details["partial"]
+    assert 0 < len(partial.time) < 1001
+    assert "x" in str(caught.value)
+    assert np.isfinite(partial.state_covariance).all()
