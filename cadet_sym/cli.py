@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
 from functools import partial
 from pathlib import Path
+from threading import Thread
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -88,6 +89,7 @@ def moments(
     if duration is not None and not 0.0 < duration < math.inf:
         raise ModelError(f"--duration {duration:g}: expected a length of time above zero")
     with _computing():
+        Thread(target=_prepare).start()  # while the model is read and its equations are written
         compiled = _compile(model, settings, jit=jit)
         if period is not None:
             history = compiled.periodic(period, points=points or 101)
@@ -350,6 +352,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise
         kind = type(error).__name__
         return _fail(f"unexpected {kind}: {error}; a fault of the program, not of the model; run again with --debug", 1)
+
+
+def _prepare() -> None:
+    from cadet_sym.solve.native import prepare
+
+    prepare()
 
 
 def _compile(path: Path, settings: Iterable[str] | None, *, jit: bool = False) -> CompiledModel:

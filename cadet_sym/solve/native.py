@@ -16,12 +16,12 @@ import numpy.typing as npt
 
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.lowering.kernel import kernel
-from cadet_sym.lowering.machine import MachineCode
+from cadet_sym.lowering.machine import MachineCode, available
 from cadet_sym.solve.breakdown import Breakdown
 from cadet_sym.solve.runge_kutta import PROCEDURES, REPORT, STALLED, WORK
 from cadet_sym.solve.scales import Tolerance
 
-__all__ = ["Native", "has_machine_code"]
+__all__ = ["Native", "has_machine_code", "prepare"]
 
 Array = npt.NDArray[np.float64]
 Places = npt.NDArray[np.intp]
@@ -76,6 +76,12 @@ def has_machine_code(lowered: MomentFunctions, p: Array, y: Array) -> bool:
 def _rate(lowered: MomentFunctions, held: Places) -> tuple[MachineCode | None, str]:
     name = "free_rate" if len(held) else "rate"
     return lowered.machine(name), name
+
+
+def prepare() -> None:
+    """Make the integrator, or read it from the cache: what a run needs that does not depend on the model."""
+    if available():
+        _march()
 
 
 @cache
