@@ -56,8 +56,8 @@ def compile(
     parameters : values in place of those declared; the model is checked with them.
     grid : elements and nodes an element between two wheels of one track (see `cadet_sym.delay`); by default the
         cheapest that resolves the vehicle's modes at the speeds of the run.
-    jit : take seconds to make good machine code of large models too; it is kept, so that it is made once. That of small
-        ones is made in any case.
+    jit : take seconds to make good machine code of models with hundreds of numbers between wheels that follow each
+        other; it is kept, so that it is made once. That of others is made in any case.
 
     Raises
     ------

@@ -17,6 +17,7 @@ from cadet_sym.cache import Shelf
 from cadet_sym.lowering.facts import Facts
 from cadet_sym.lowering.llvm import intermediate
 from cadet_sym.lowering.machine import MachineCode, available, machine_code
+from cadet_sym.lowering.structured import structured_rate
 
 if TYPE_CHECKING:
     from cadet_sym.lowering.system import LoweredSystem
@@ -100,14 +101,27 @@ class MomentFunctions:
         return self._machine[name]
 
     def _compiled(self, name: str) -> MachineCode | None:
+        if not available():
+            return None
+        if name == "rate" and self.large:
+            return structured_rate(self.ingredients, self._shelf)
         function = getattr(self, name)
-        if function.n_instructions() > (LARGEST if self.jit else LARGE) or not available():
+        if (count := function.n_instructions()) > (LARGEST if self.jit else LARGE):
             return None
-        thorough = self.jit or function.n_instructions() <= SMALL
-        try:
+        thorough = self.jit or count <= SMALL
+        with contextlib.suppress(ValueError):  # an operation that only CasADi knows
             return machine_code(intermediate(function, name), name, shelf=self._shelf, effort=int(thorough))
-        except ValueError:  # an operation that only CasADi knows
-            return None
+        return None
+
+    @cached_property
+    def large(self) -> bool:
+        """Whether the rate is best written as products of matrices."""
+        return self.facts.delay is None and 2 * self.gain_matrix.nnz_out(0) * self.facts.packing.n > LARGE
+
+    @_kept
+    def ingredients(self) -> ca.Function:
+        """(t, y, p) -> mu', N and D, of which the rate is made."""
+        return self.symbolic.ingredients
 
     @_kept
     def rate(self) -> ca.Function:

@@ -43,7 +43,13 @@ def available() -> bool:
     return True
 
 
-def machine_code(text: str, *names: str, shelf: Shelf | None = None, effort: int = 1) -> MachineCode:
+def machine_code(
+    text: str,
+    *names: str,
+    shelf: Shelf | None = None,
+    effort: int = 1,
+    symbols: Mapping[str, int] | None = None,
+) -> MachineCode:
     """The functions of a module in LLVM's intermediate language.
 
     Parameters
@@ -51,6 +57,7 @@ def machine_code(text: str, *names: str, shelf: Shelf | None = None, effort: int
     names : of the functions wanted.
     shelf : where the code is kept, if anywhere.
     effort : 0 compiles six times as fast as 1 to code half as fast; 1 is for long stretches of arithmetic; 2 is for loops.
+    symbols : addresses of functions that are elsewhere, by the names that the text declares.
     """
     import llvmlite.binding as llvm
 
@@ -61,6 +68,8 @@ def machine_code(text: str, *names: str, shelf: Shelf | None = None, effort: int
         code = _compiled(text, effort)
         if shelf is not None:
             shelf.write(name, code)
+    for each, address in (symbols or {}).items():
+        llvm.add_symbol(each, address)
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target(effort))
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()

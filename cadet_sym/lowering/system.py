@@ -242,21 +242,36 @@ class LoweredSystem:
         """The correlation with the ground between the wheels."""
         return y[y.numel() - self.equations.packing.ground :]
 
-    def _head(self, y: ca.SX, env: dict[sp.Symbol, ca.SX]) -> tuple[ca.SX, ca.SX]:
-        """Rate of the moments, and of the distance if it is integrated; and N."""
-        equations, packing = self.equations, self.equations.packing
+    def _ingredients(self, y: ca.SX, env: dict[sp.Symbol, ca.SX]) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """What the moments' rates are made of: mu', N and D."""
+        equations = self.equations
         mu, P = self._moments(y)
         self._add_elements(mu, P, env)
         env |= {mean: mu[i] for i, mean in enumerate(equations.means)}
         mean_rate = ca.vertcat(*(to_casadi(rate, env) for rate in equations.mean_rate))
-        N = _sparse(equations.gain_matrix, env)
-        half = ca.mtimes(N, P)
-        # P' = N P + P N' + D
-        covariance_rate = half + half.T + _sparse(equations.diffusion, env)
+        D = _sparse(equations.diffusion, env)
         if equations.delay is not None:
-            covariance_rate += wheel_forcing(equations, self._ground(y), env)
+            D += wheel_forcing(equations, self._ground(y), env)
+        return mean_rate, _sparse(equations.gain_matrix, env), D
+
+    def _head(self, y: ca.SX, env: dict[sp.Symbol, ca.SX]) -> tuple[ca.SX, ca.SX]:
+        """Rate of the moments, and of the distance if it is integrated; and N."""
+        packing = self.equations.packing
+        mean_rate, N, D = self._ingredients(y, env)
+        half = ca.mtimes(N, self._moments(y)[1])
+        covariance_rate = half + half.T + D  # P' = N P + P N' + D
         triangle = covariance_rate[ca.Sparsity.lower(packing.n)].nz[:]
         return ca.densify(ca.vertcat(mean_rate, triangle, *[env[SPEED]] * packing.distance)), N
+
+    @cached_property
+    def ingredients(self) -> ca.Function:
+        """(t, y, p) -> mu' (with V, where the distance is integrated), N and D, sparse."""
+        t, y, p = ca.SX.sym("t"), ca.SX.sym("y", self.equations.packing.size), self._p()
+        ctx = self._context(t, y, p)
+        env = self.environment(ctx, p) | self._gates(ctx, p)
+        mean_rate, N, D = self._ingredients(y, env)
+        mean_rate = ca.densify(ca.vertcat(mean_rate, *[env[SPEED]] * self.equations.packing.distance))
+        return ca.Function("ingredients", [t, y, p], [mean_rate, N, D], ["t", "y", "p"], ["dmu", "N", "D"])
 
     def _parts(self, y: ca.SX, env: dict[sp.Symbol, ca.SX]) -> list[ca.SX]:
         """Rate of what goes before the ground between the wheels, and what moves that ground."""

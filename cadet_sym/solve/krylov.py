@@ -22,10 +22,14 @@ from cadet_sym.solve.evaluate import Rate, gains
 from cadet_sym.solve.ground import GroundInverse
 from cadet_sym.solve.implicit import Inverse, PackedIndex, scaled_form
 from cadet_sym.solve.scales import Tolerance
+from cadet_sym.solve.threads import one_thread
 
 __all__ = ["Stepping"]
 
 Array = npt.NDArray[np.float64]
+
+FAR = 1e100
+"""No moment is as large: it comes of a rate that is no number."""
 
 
 @dataclass
@@ -67,11 +71,11 @@ class Stepping:
         end = float(grid[-1])
         found = np.empty((len(grid), len(y)))
         # What is not finite makes SUNDIALS shorten its step; scikit-sundae prints what it also returns.
-        with np.errstate(all="ignore"), redirect_stdout(StringIO()):
+        with np.errstate(all="ignore"), redirect_stdout(StringIO()), one_thread():
             solver.init_step(begin, y)
             for k, t in enumerate(grid):
                 result = solver.step(float(t), "normal", end)
-                if not result.success or not np.isfinite(result.y).all():
+                if not result.success or not np.abs(result.y).max(initial=0.0) < FAR:
                     reason = "Its steps shrink to nothing." if self.rate.stalled else str(result.message)
                     raise Breakdown(reason, found[:k], float(result.t), np.array(result.y))
                 found[k] = result.y

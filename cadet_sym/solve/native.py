@@ -97,11 +97,13 @@ _known: WeakKeyDictionary[MomentFunctions, dict[bytes, tuple[Places, Places]]] =
 
 def _parts(lowered: MomentFunctions, p: Array, y: Array) -> tuple[Places, Places]:
     """The packed moments that have to be integrated from y on, and those that stay."""
+    all_of_them = np.arange(len(y))
+    if lowered.large:  # the few that stay do not pay for a rate of its own
+        return all_of_them, all_of_them[:0]
     kept, key = _known.setdefault(lowered, {}), p.tobytes() + y.tobytes()
     if key not in kept:
         if len(kept) > 256:
             kept.clear()
-        all_of_them = np.arange(len(y))
         free = np.array(lowered.free_entries()["free"], dtype=np.intp).ravel()
         held = np.setdiff1d(all_of_them, free)
         kept[key] = (free, held) if len(held) and _rest(lowered, p, y, held) else (all_of_them, all_of_them[:0])

@@ -25,7 +25,7 @@ from cadet_sym.packing import Packing
 from cadet_sym.solve.breakdown import Breakdown, explain
 from cadet_sym.solve.cvodes import Direct
 from cadet_sym.solve.definite import lost, warn_of_loss
-from cadet_sym.solve.evaluate import gains
+from cadet_sym.solve.evaluate import Rate, gains
 from cadet_sym.solve.krylov import Stepping
 from cadet_sym.solve.native import Native, has_machine_code
 from cadet_sym.solve.onset import past_onset
@@ -264,7 +264,9 @@ def _sizes(
 def _rough_run(lowered: MomentFunctions, start: Start, duration: float, kind: str) -> Array:
     """Sizes from a run with tolerances far below anything's size; guesses where that run fails."""
     packing = lowered.facts.packing
-    slopes = np.hstack([np.asarray(lowered.rate(t, start.y, start.p)) for t in (0.0, duration / 2, duration)])
+    rate, slopes = Rate(lowered, start.p), np.empty((3, packing.size))
+    for t, slope in zip((0.0, duration / 2, duration), slopes, strict=True):
+        rate(t, start.y, slope)
     largest = np.abs(start.y).max(initial=0.0) + np.abs(np.nan_to_num(slopes)).max() * max(duration, 1e-300)
     small = np.sqrt(largest) if largest > 0 else 1.0
     grid = np.linspace(0, duration, 34)[1:] if duration > 0 else np.zeros(1)
@@ -321,11 +323,16 @@ def _march(
 
 
 def _advance(engine: Engine, begin: float, y: Array, stretch: Array) -> Array:
-    """One stretch; what CasADi's CVODES gives up, scikit-sundae's goes through, or says how far it came."""
+    """One stretch; what the engine gives up, scikit-sundae's CVODE goes through, or it is said how far it came."""
     try:
         return engine.advance(begin, y, stretch)
-    except Breakdown:
+    except Breakdown as first:
         if not isinstance(engine, Direct | Native):
             raise
         second = Stepping(engine.lowered, engine.p, engine.tolerance, stiff=True, full_newton=True)
-        return second.advance(begin, y, stretch)
+        try:
+            return second.advance(begin, y, stretch)
+        except Breakdown:
+            if first.found is None:
+                raise
+            raise first from None  # who knows to the last step where it was
