@@ -11,7 +11,7 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 
 from cadet_sym.augmentation import augment
 from cadet_sym.errors import ModelError
-from cadet_sym.simulation.ground import covariance_factor, exact_law, stationary_covariance
+from cadet_sym.simulation.laws import covariance_factor, exact_law, stationary_covariance
 from cadet_sym.simulation.plan import Problem
 from cadet_sym.simulation.workers import records_of
 

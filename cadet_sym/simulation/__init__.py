@@ -1,7 +1,8 @@
 """Monte Carlo simulation of the original nonlinear model, the judge of everything else.
 
-Reading order: `engine` (what happens), `source` and `program` (the model as code), `grid`, `ground` and `plan`
-(everything that paths share), `streams`, `fast` and `plain` (the paths), `statistics` and `ensemble` (the result).
+Reading order: `engine` (what happens), `source` and `program` (the model as code), `step` and `within` (one step of
+it), `grid`, `ground` and `plan` (everything that paths share), `streams`, `fast` and `plain` (the paths), `statistics`
+and `ensemble` (the result).
 """
 
 from cadet_sym.simulation.engine import simulate

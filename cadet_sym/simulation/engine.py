@@ -64,8 +64,9 @@ def simulate(
 ) -> Ensemble:
     """Monte Carlo simulation of the original nonlinear model, with the errors of its moments.
 
-    The ground is sampled exactly on the paths' own grid, wheels of one track meet the same ground, and the vehicle
-    is stepped by Heun's rule with the exact ground at both ends of a step,
+    The ground is sampled exactly on the paths' own grid together with its mean over every step, wheels of one track meet
+    the same ground, and the vehicle is stepped by Heun's rule, its rates taken at two places of the ground within the step
+    (see `within`), which for a vehicle without ground are the ends,
 
         p = x + h f(x, t) + b dW,    x(t + h) = x + h/2 (f(x, t) + f(p, t + h)) + b dW.
 

@@ -19,103 +19,49 @@ import numpy as np
 import sympy as sp
 
 from cadet_sym.augmentation import AugmentedSystem, FilterCopy
-from cadet_sym.errors import ModelError
 from cadet_sym.language.expression import DISTANCE, evaluate
 from cadet_sym.simulation.grid import Grid
+from cadet_sym.simulation.laws import covariance_factor, exact_law, stationary_covariance
 from cadet_sym.simulation.tables import GroundTables
+from cadet_sym.simulation.within import CopyRows, spread_within
 
-__all__ = ["covariance_factor", "exact_law", "ground_tables", "stationary_covariance"]
+__all__ = ["ground_tables", "within_tables"]
 
-_TERMS = 18  # of the Taylor series of a scaled step
-_SCALE = 0.25  # norm of the scaled step
+_RESTS = 1e-9  # of the way: a wheel that goes no farther in a step stands
 _FORGOTTEN, _LOOK_BACK = 40.0, 4001  # lengths of the slowest mode that are looked back on, and places on them
-
-
-def exact_law(A: np.ndarray, G: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Transition and covariance of dx = A x ds + noise of intensity G, over lengths d.
-
-        Phi(d) = exp(A d),    Sigma(d) = int_0^d exp(A u) G exp(A u)^T du
-
-    Taylor series on a short piece, then doubling: Sigma(2 d) = Sigma + Phi Sigma Phi^T, Phi(2 d) = Phi^2. Sums of
-    positive terms: nothing cancels however long the step is.
-
-    Parameters
-    ----------
-    A, G : (k, n, n) or (n, n).
-    d : (k,) lengths, not negative.
-
-    Returns
-    -------
-    (k, n, n) each.
-    """
-    n = A.shape[-1]
-    A = np.broadcast_to(A, (len(d), n, n))
-    G = np.broadcast_to(G, (len(d), n, n))
-    largest = np.abs(A).sum(axis=-1).max(initial=0.0) * d.max(initial=0.0)
-    doublings = max(0, int(np.ceil(np.log2(max(largest, 1e-300) / _SCALE))))
-    h = (d / 2.0**doublings)[:, None, None]
-    term, moment = np.broadcast_to(np.eye(n), A.shape), G * h
-    phi, sigma = term.copy(), moment.copy()
-    for k in range(1, _TERMS):
-        term = A @ term * (h / k)
-        left = A @ moment
-        moment = (left + np.swapaxes(left, -1, -2)) * (h / (k + 1))
-        phi, sigma = phi + term, sigma + moment
-    for _ in range(doublings):
-        sigma = sigma + phi @ sigma @ np.swapaxes(phi, -1, -2)
-        phi = phi @ phi
-    return phi, sigma
-
-
-def covariance_factor(sigma: np.ndarray) -> np.ndarray:
-    """Lower L, (..., n, n), with L L^T = sigma positive semidefinite: a pivot lost in rounding counts as zero."""
-    n = sigma.shape[-1]
-    L = np.zeros(sigma.shape)
-    for j in range(n):
-        left = L[..., j, :j]
-        pivot = sigma[..., j, j] - np.sum(left**2, axis=-1)
-        pivot = np.where(pivot > 1e-14 * sigma[..., j, j], pivot, 0.0)
-        L[..., j, j] = np.sqrt(pivot)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            below = sigma[..., j + 1 :, j] - np.einsum("...ik,...k->...i", L[..., j + 1 :, :j], left)
-            column = below / L[..., j, j, None]
-        L[..., j + 1 :, j] = np.where(pivot[..., None] > 0.0, column, 0.0)
-    return L
-
-
-def stationary_covariance(C: np.ndarray, G: np.ndarray) -> np.ndarray:
-    """Covariance of the ground that has always been there: C P + P C^T + G = 0."""
-    from scipy.linalg import solve_continuous_lyapunov
-
-    if np.linalg.eigvals(C).real.max(initial=-1.0) >= 0.0:
-        raise ModelError(
-            'this ground has no stationary height, so no path can start on it; start with `ground = "smooth"` or '
-            "give the road a `cutoff`"
-        )
-    P = solve_continuous_lyapunov(C, -G)
-    return 0.5 * (P + P.T)
 
 
 @dataclass(frozen=True)
 class _Filter:
-    """The shaping filter as numbers at given positions."""
+    """The shaping filter as numbers at given positions, with the integrals of some of its states as further states."""
 
     copy: FilterCopy
     values: Mapping[sp.Symbol, float]
+    carried: tuple[int, ...] = ()
+
+    @property
+    def own(self) -> _Filter:
+        """The filter without integrals."""
+        return _Filter(self.copy, self.values)
 
     @property
     def size(self) -> int:
-        """Filter states."""
-        return len(self.copy.filter.states)
+        """Filter states and integrals."""
+        return len(self.copy.filter.states) + len(self.carried)
 
     def matrices(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """C and D Q D^T, (k, r, r) each."""
-        f = self.copy.filter
+        f, r = self.copy.filter, len(self.copy.filter.states)
         C, D, Q = (self._matrix(m, places) for m in (f.C, f.D, f.Q))
-        return C, D @ Q @ np.swapaxes(D, -1, -2)
+        whole = np.zeros((2, len(places), self.size, self.size))
+        whole[0, :, :r, :r], whole[1, :, :r, :r] = C, D @ Q @ np.swapaxes(D, -1, -2)
+        for row, a in enumerate(self.carried, r):
+            whole[0, :, row, a] = 1.0
+        return whole[0], whole[1]
 
     def forcing(self, places: np.ndarray) -> np.ndarray:
-        return self._matrix(self.copy.filter.offset, places)[..., 0]
+        own = self._matrix(self.copy.filter.offset, places)[..., 0]
+        return np.concatenate([own, np.zeros((len(places), len(self.carried)))], axis=1)
 
     def _matrix(self, matrix: sp.ImmutableMatrix, places: np.ndarray) -> np.ndarray:
         known = {**self.values, DISTANCE: places}
@@ -124,7 +70,11 @@ class _Filter:
 
 
 def ground_tables(
-    system: AugmentedSystem, values: Mapping[sp.Symbol, float], grid: Grid, noises: int
+    system: AugmentedSystem,
+    values: Mapping[sp.Symbol, float],
+    grid: Grid,
+    rows: Sequence[CopyRows],
+    noises: int,
 ) -> tuple[GroundTables, tuple[np.ndarray, ...]]:
     """Work out the chains of all tracks and where each wheel stands in them; `noises` counts those in time.
 
@@ -132,7 +82,7 @@ def ground_tables(
     -------
     The tables, and for each track a factor of the covariance at its chain's first node.
     """
-    nv, copies = system.vehicle_size, system.copies
+    copies = system.copies
     smooth = system.model.initial.ground == "smooth"
     setbacks = [float(evaluate(c.setback, values)) for c in copies]
     tracks = list(dict.fromkeys(c.track for c in copies))
@@ -142,7 +92,7 @@ def ground_tables(
     for track in range(len(tracks)):
         members = np.flatnonzero(track_of == track)
         leader.append(members[np.argmin([setbacks[c] for c in members])])
-        road = _Filter(copies[leader[-1]], values)
+        road = _Filter(copies[leader[-1]], values, rows[leader[-1]].carried)
         chain = _chain(grid, [setbacks[c] for c in members], smooth)
         pick[members] = chain.pick
         matrices, which = _laws(road, np.diff(chain.places), 0.5 * (chain.places[:-1] + chain.places[1:]))
@@ -152,16 +102,16 @@ def ground_tables(
         roots.append(_start_factor(road, grid.motion.start, smooth))
         room.append(int((chain.pick.max(axis=0) - chain.pick.min(axis=0)).max()) + 2)
     ring_rows = [n * r for n, r in zip(room, sizes, strict=True)]
-    mean = _mean(system, values, grid, setbacks, smooth)
+    mean = _mean(system, values, grid, rows, setbacks, smooth)
     tables = GroundTables(
-        width=len(system.states) - nv + noises,
+        width=sum(each.size for each in rows) + noises,
         size=np.array(sizes, dtype=np.int64),
         laws=np.concatenate(laws),
         law_of=np.concatenate(law_of),
         law_start=_starts([len(w) for w in law_of[1:]]),
         pick=pick,
         track_of=track_of,
-        row_of=np.array([c.start - nv for c in copies], dtype=np.int64),
+        row_of=np.array([each.first for each in rows], dtype=np.int64),
         leader=np.array(leader, dtype=np.int64),
         ring_start=_starts(ring_rows),
         ring_room=np.array(room, dtype=np.int64),
@@ -211,20 +161,46 @@ def _laws(road: _Filter, lengths: np.ndarray, middles: np.ndarray) -> tuple[np.n
 
 
 def _start_factor(road: _Filter, place: float, smooth: bool) -> np.ndarray:
-    if smooth:
-        return np.zeros((road.size, road.size))
-    A, G = road.matrices(np.array([place]))
-    return covariance_factor(stationary_covariance(A[0], G[0]))
+    root = np.zeros((road.size, road.size))
+    if not smooth:
+        A, G = road.own.matrices(np.array([place]))
+        root[: len(A[0]), : len(A[0])] = covariance_factor(stationary_covariance(A[0], G[0]))
+    return root
 
 
 def _starts(counts: Sequence[int]) -> np.ndarray:
     return np.concatenate([[0], np.cumsum(counts)])[:-1].astype(np.int64)
 
 
+def within_tables(
+    system: AugmentedSystem, values: Mapping[sp.Symbol, float], grid: Grid, rows: Sequence[CopyRows]
+) -> np.ndarray:
+    """What a step needs to know of the ground within it, (steps, columns): see `CopyRows`.
+
+    For every copy 1/ds and 1/2, zero where the wheel stands or its ground is held still while the state is run in, and
+    the numbers c of the states whose integrals are known.
+    """
+    smooth, columns = system.model.initial.ground == "smooth", []
+    span = max(float(grid.place[-1] - grid.place[0]), 1e-300)
+    for copy, each in zip(system.copies, rows, strict=True):
+        road, setback = _Filter(copy, values), float(evaluate(copy.setback, values))
+        under = grid.place - setback
+        ds = np.diff(np.maximum(under, grid.place[0]) if smooth else under)
+        held = (grid.time[:-1] < 0.0) & (not copy.filter.offset.is_zero_matrix)
+        moving = (ds > _RESTS * span) & ~held
+        (C,), (G,) = road.matrices(grid.place[:1] - setback)
+        stable = np.linalg.eigvals(C).real.max(initial=-1.0) < 0.0
+        c = spread_within(C, G, stationary_covariance(C, G) if stable else np.zeros_like(C), np.where(moving, ds, 0.0))
+        columns += [np.where(moving, 1.0 / np.where(moving, ds, 1.0), 0.0), np.where(moving, 0.5, 0.0)]
+        columns += [c[:, a] for a, source in enumerate(each.sources) if source >= 0]
+    return np.stack(columns, axis=1) if columns else np.zeros((len(grid.step), 0))
+
+
 def _mean(
     system: AugmentedSystem,
     values: Mapping[sp.Symbol, float],
     grid: Grid,
+    rows: Sequence[CopyRows],
     setbacks: Sequence[float],
     smooth: bool,
 ) -> np.ndarray:
@@ -238,10 +214,13 @@ def _mean(
     ground = system.model.ground
     edges = [] if ground is None else [float(evaluate(b, values)) for b in ground.breakpoints]
     means = []
-    for setback, copy in zip(setbacks, system.copies, strict=True):
-        road = _Filter(copy, values)
+    for setback, copy, each in zip(setbacks, system.copies, rows, strict=True):
+        road = _Filter(copy, values, each.carried)
         under = np.where(grid.time < 0.0, grid.motion.start, grid.place) - setback
-        means.append(_forced(road, under, np.zeros(road.size) if smooth else _behind(road, under[0], edges)))
+        begin = np.zeros(road.size)
+        if not smooth:
+            begin[: each.states] = _behind(road.own, under[0], edges)
+        means.append(_forced(road, under, begin))
     return np.concatenate(means, axis=1)
 
 

@@ -13,7 +13,8 @@ from cadet_sym.augmentation import AugmentedSystem
 from cadet_sym.errors import ModelError
 from cadet_sym.language.expression import SPEED, TIME, evaluate
 from cadet_sym.simulation.grid import Grid, Motion, make_grid
-from cadet_sym.simulation.ground import covariance_factor, ground_tables
+from cadet_sym.simulation.ground import ground_tables, within_tables
+from cadet_sym.simulation.laws import covariance_factor
 from cadet_sym.simulation.program import Program, numeric, write_program
 from cadet_sym.simulation.riders import TwinRider
 from cadet_sym.simulation.source import RUN_SYMBOLS
@@ -84,7 +85,9 @@ class Problem:
         grid = make_grid(self.motion, self.times, step, self._kinks(), run_in)
         finest = grid.halved() if paired else grid
         program = self.program
-        ground, roots = ground_tables(self.system, self.values, finest, len(program.time_noises))
+        ground, roots = ground_tables(
+            self.system, self.values, finest, program.ground_rows, len(program.time_noises)
+        )
         fine = self._steps(finest)
         plan = Plan(
             program.numba_source,
@@ -173,10 +176,12 @@ class Problem:
         runs = [grid.run_values(end) for end in (False, True)]
         ends = [self._at(program.coefficients, {**run, **self._gains(run[TIME])}) for run in runs]
         kicks = [self._noise(run) for run in runs]
+        changes = kicks[1] - kicks[0]
+        within = within_tables(self.system, self.values, grid, program.ground_rows)
         return StepTables(
             S=np.ascontiguousarray(ends[0]),
             E=np.ascontiguousarray(ends[1]),
-            K=np.ascontiguousarray(0.5 * (kicks[0] + kicks[1])),
+            K=np.column_stack([0.5 * (kicks[0] + kicks[1]), changes[:, : len(program.kicks)], within]),
             H=np.ascontiguousarray(grid.step),
             q=numeric(program.constants, self.values, self.elements),
             T=program.table,
@@ -211,12 +216,15 @@ class Problem:
         known = {**self.values, **{symbol: float(value[0]) for symbol, value in run.items()}}
         spread = numeric(list(system.initial_covariance), known, self.elements).reshape(1, nv, nv)
         linear = numeric(list(system.initial_map), known, self.elements).reshape(nv, -1)
-        rows = np.array(self.program.starts, dtype=np.int64)
+        starts = np.array(self.program.starts, dtype=np.int64)
+        places = self.program.places
+        spread_out = np.zeros((len(starts), max(places, default=-1) + 1))
+        spread_out[:, list(places)] = np.where(starts[:, None] >= 0, linear[starts], 0.0)
         return StartTables(
             offset=numeric(list(system.initial_offset), known, self.elements),
-            map=np.where(rows[:, None] >= 0, linear[rows], 0.0),
+            map=spread_out,
             root=_factor(spread, "[initial.covariance]")[0],
-            rows=rows,
+            rows=starts,
             ground=ground,
         )
 

@@ -22,6 +22,7 @@ from cadet_sym.language.expression import ElementCall, evaluate
 from cadet_sym.simulation.kicks import Kick
 from cadet_sym.simulation.source import Emitter, Shared
 from cadet_sym.simulation.step import LANES, Layout, Rider, StepBody
+from cadet_sym.simulation.within import CopyRows
 
 __all__ = ["LANES", "Program", "numeric", "write_program"]
 
@@ -30,8 +31,8 @@ __all__ = ["LANES", "Program", "numeric", "write_program"]
 class Program:
     """Source of `advance` and `record`, and the expressions whose values they read from tables.
 
-    Rows of a node are the filter states in the order of the system, then the noises in time that reach the vehicle,
-    each made independent of the others, of unit intensity, and summed since the start.
+    Rows of a node are those of the filter copies (see `CopyRows`), then the noises in time that reach the vehicle, each
+    made independent of the others, of unit intensity, and summed since the start.
     """
 
     numba_source: str
@@ -43,6 +44,8 @@ class Program:
     kicks: tuple[Kick, ...]  # their factors are the first columns of the noise table
     time_noises: tuple[int, ...]  # columns of the noise input, of those that reach the vehicle
     time_entries: tuple[tuple[int, int], ...]  # (vehicle state, place in time_noises): the other columns
+    ground_rows: tuple[CopyRows, ...]  # of every copy of the filter
+    places: tuple[int, ...]  # for every filter state its row of a node
     table: np.ndarray  # measured curves
     record_table: np.ndarray
     elements: Mapping[str, Any]
@@ -88,6 +91,8 @@ def write_program(system: AugmentedSystem, riders: Sequence[Rider] = ()) -> Prog
         kicks=body.separated.kicks,
         time_noises=noises,
         time_entries=entries,
+        ground_rows=body.ground_rows,
+        places=body.places,
         table=step.table(),
         record_table=out.table(),
         elements=elements,
@@ -136,7 +141,7 @@ def _record(body: StepBody, shared: Shared, layout: Layout) -> str:
     lines += [f"    q{k} = q[{k}]" for k in range(len(shared.constants))]
     lines += [f"    c{j} = C[k, {j}]" for j in range(len(shared.coefficients))]
     inner = [f"x{a} = {layout.state(a)}" for a in range(nv)]
-    inner += [f"u{k} = {layout.ground(k, 'a')}" for k in range(body.filters)]
+    inner += [f"u{k} = {layout.ground(row, 'a')}" for k, row in enumerate(body.places)]
     inner += emitter.lines
     inner += [f"{layout.result(row)} = {result}" for row, result in enumerate(results)]
     lines += [f"    {layout.head}", *(f"        {line}" for line in inner), ""]

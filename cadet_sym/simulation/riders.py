@@ -76,7 +76,7 @@ class TwinRider:
         return (*range(nv), *(-1,) * nv)
 
     def write(self, body: StepBody, first: int) -> None:
-        """Heun steps of y with the path's noise, and of q with what the nonlinearity leaves at both ends."""
+        """The path's own steps of y with the path's noise, and of q with what the nonlinearity leaves at both places."""
         nv, states = self.system.vehicle_size, self.system.states
         self._first = first
         drift = body.separated.drift
@@ -85,20 +85,20 @@ class TwinRider:
         body.shared.along_run |= set(self.entries.values())
         own = [{b: f for b in range(nv) if (f := sp.diff(rate, states[b])) != 0} for rate in linear]
 
-        start, ahead = body.emitter("z", "u", "s", "t"), body.emitter("zp", "v", "e", "t")
-        rates = [start.operand(rate) for rate in linear], [ahead.operand(rate) for rate in linear]
-        left, right = body.emitter("z", "u", "s", "r"), body.emitter("zn", "v", "e", "r")
-        lines = list(start.lines)
-        lines += [f"zp{a} = z{a} + dt * {rates[0][a]}{body.noise(a)}" for a in range(nv)]
+        start, ahead = body.emitter("zs", "us", "s", "t"), body.emitter("zp", "vs", "e", "t")
+        rates = [[end.operand(rate) for rate in linear] for end in (start, ahead)]
+        true = [{a: end.operand(drift[a]) for a in self._nonlinear} for end in (start, ahead)]
+        lines = [f"zs{a} = z{a}{body.shift(a, 'a')}" for a in range(nv)] + start.lines
+        lines += [f"zp{a} = z{a} + dt * {rates[0][a]}{body.noise(a)}{body.shift(a, 'b')}" for a in range(nv)]
         lines += ahead.lines
         lines += [f"zn{a} = z{a} + half * ({rates[0][a]} + {rates[1][a]}){body.noise(a)}" for a in range(nv)]
         pushed = [dict.fromkeys(range(nv), ""), dict.fromkeys(range(nv), "")]
         residuals: list[str] = []
         for a in self._nonlinear:
-            residuals.append(f"ra{a} = {left.operand(drift[a])} - {left.operand(linear[a])}")
-            residuals.append(f"rb{a} = {right.operand(drift[a])} - {right.operand(linear[a])}")
+            residuals.append(f"ra{a} = {true[0][a]} - {rates[0][a]}")
+            residuals.append(f"rb{a} = {true[1][a]} - {rates[1][a]}")
             pushed[0][a], pushed[1][a] = f" + ra{a}", f" + rb{a}"
-        lines += [*left.lines, *right.lines, *residuals]
+        lines += residuals
         for end, (name, suffix, into) in enumerate((("d", "s", "fa"), ("dp", "e", "fb"))):
             gains = body.emitter("x", "u", suffix, f"j{suffix}")
             for a in range(nv):
@@ -123,7 +123,7 @@ class TwinRider:
         if a not in self._nonlinear:
             return rate
         states = self.system.states
-        seen = [b for b, s in enumerate(states) if s in self.system.drift[a].free_symbols or s in taken.free_symbols]
+        seen = [b for b, s in enumerate(states) if s in rate.free_symbols]  # of others N is what the kicks hold
         gain = {b: self.entries.setdefault((a, b), sp.Dummy(f"N{a}_{b}", real=True)) for b in seen}
         rest = self.entries.setdefault((a, -1), sp.Dummy(f"g{a}", real=True))
         kicked = sp.expand(taken)

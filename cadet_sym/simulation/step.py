@@ -6,9 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+import sympy as sp
+
 from cadet_sym.augmentation import AugmentedSystem
 from cadet_sym.simulation.kicks import separate_kicks
 from cadet_sym.simulation.source import Emitter, Shared
+from cadet_sym.simulation.within import copy_rows
 
 __all__ = ["LANES", "Layout", "Rider", "StepBody"]
 
@@ -75,7 +78,14 @@ class Rider(Protocol):
 
 
 class StepBody:
-    """The lines of one Heun step: increments of noise, rates at the start, prediction, rates at the end, correction."""
+    """The lines of one step of Heun's rule, with the ground as it is within the step (see `within`).
+
+    With g the increments of what kicks the vehicle, a and b what shifts them to the two places at which rates are taken,
+
+        xs = x + K a,    p = x + h f(xs) + K (g + b) + dW,    m = x + h/2 (f(xs) + f(p)) + K g - dK e + dW,
+
+    e = (a + b)/2 being the mean of what kicks over that of its ends, and dK how much K changes: int K dy = K g - dK e.
+    """
 
     def __init__(
         self,
@@ -87,31 +97,74 @@ class StepBody:
     ):
         self.system, self.shared, self.noises, self.riders = system, shared, noises, riders
         self.states = nv = system.vehicle_size
-        self.filters = len(system.states) - nv
-        self.layouts = (Lanes(self.filters + noises), Rows(self.filters + noises))
         self.separated = separate_kicks(system)
+        felt = set[sp.Basic]().union(*(e.free_symbols for e in (*self.separated.drift, *self.separated.heights)))
+        self.ground_rows = copy_rows(system, felt)
+        self.places = tuple(each.first + a for each in self.ground_rows for a in range(each.states))
+        self.carried = tuple(each.first + a for each in self.ground_rows for a in range(each.states, each.size))
+        self.noise_row = sum(each.size for each in self.ground_rows)
+        self.layouts = (Lanes(self.noise_row + noises), Rows(self.noise_row + noises))
+        kicks = self.separated.kicks
+        places = [(k.state, f"g{k.height}") for k in kicks] + [(i, f"w{j}") for i, j in entries]
+        moving = [(k.state, f"(-0.5) * (ag{k.height} + bg{k.height})") for k in kicks]
+        self.columns = len(places) + len(moving)
+        self.within_lines = self._within()
         self.height_lines: list[str] = []
-        ends = []
-        for vehicle, ground, suffix in (("x", "u", "s"), ("p", "v", "e")):
-            above = self.emitter(vehicle, ground, suffix, "y", self.height_lines)
-            rates = self.emitter(vehicle, ground, suffix, "e")
-            heights = [above.operand(y) for y in self.separated.heights]
-            ends.append((heights, [rates.operand(r) for r in self.separated.drift], rates.lines))
-        (before, self.start_rates, self.start), (after, self.end_rates, self.end) = ends
-        self.gains = [f"{b} - {a}" for a, b in zip(before, after, strict=True)]
-        pushes = dict.fromkeys(range(nv), "")
-        places = [(k.state, f"g{k.height}") for k in self.separated.kicks] + [(i, f"w{j}") for i, j in entries]
-        for column, (state, increment) in enumerate(places):
-            pushes[state] += f" + k{column} * {increment}"
-        self.columns = len(places)
-        self.pushes = {a: push[3:] for a, push in pushes.items() if push}
+        self._heights()
+        self.pushes = self._pushes([*places, *moving], "{}")
+        self.shifts = {end: self._pushes(places[: len(kicks)], end + "{}") for end in "ab"}
+        start, end = self.emitter("xs", "us", "s"), self.emitter("p", "vs", "e")
+        self.start_rates, self.end_rates = ([e.operand(r) for r in self.separated.drift] for e in (start, end))
+        self.start, self.end = start.lines, end.lines
         first = nv
         for rider in riders:
             rider.write(self, first)
             first += len(rider.copied)
         self.rows = first
 
-    def emitter(self, vehicle: str, ground: str, suffix: str, letter: str, lines: list[str] | None = None) -> Emitter:
+    def _within(self) -> list[str]:
+        """Where rates are taken: us and vs, sa and sb away from the ground at both ends, u and v."""
+        lines, k = [], 0
+        for each in self.ground_rows:
+            inverse, half = self.columns, self.columns + 1
+            self.columns += 2
+            for source in each.sources:
+                if source >= 0:
+                    old, new = (self._row(source, end) for end in "uv")
+                    lines += [
+                        f"e{k}m = k{inverse} * ({new} - {old}) - k{half} * (u{k} + v{k})",
+                        f"e{k}d = (0.5 - k{self.columns}) * (v{k} - u{k})",
+                        f"sa{k} = e{k}m + e{k}d",
+                        f"sb{k} = e{k}m - e{k}d",
+                        f"us{k} = u{k} + sa{k}",
+                        f"vs{k} = v{k} + sb{k}",
+                    ]
+                    self.columns += 1
+                k += 1
+        return lines
+
+    def _row(self, row: int, end: str) -> str:
+        """Name of what a row of the ground holds at the start ("u") or the end ("v") of the step."""
+        return f"{end}{self.places.index(row)}" if row in self.places else f"{end}i{row}"
+
+    def _heights(self) -> None:
+        """Increments g of what kicks, and their shifts ag and bg."""
+        lines, heights = self.height_lines, self.separated.heights
+        ends = [self.emitter("x", name, suffix, "y", lines) for name, suffix in (("u", "s"), ("v", "e"))]
+        before, after = ([e.operand(y) for y in heights] for e in ends)
+        lines += [f"g{j} = {new} - {old}" for j, (new, old) in enumerate(zip(after, before, strict=True))]
+        for letter, suffix in (("a", "s"), ("b", "e")):
+            moved = self.emitter("x", f"s{letter}", suffix, f"y{letter}", lines)
+            lines += [f"{letter}g{j} = {moved.operand(y)}" for j, y in enumerate(heights)]
+
+    def _pushes(self, places: Sequence[tuple[int, str]], name: str) -> dict[int, str]:
+        """For each state that is pushed the sum of factors times increments."""
+        pushes: dict[int, list[str]] = {}
+        for column, (state, increment) in enumerate(places):
+            pushes.setdefault(state, []).append(f"k{column} * {name.format(increment)}")
+        return {state: " + ".join(terms) for state, terms in pushes.items()}
+
+    def emitter(self, vehicle: str, ground: str, suffix: str, letter: str = "e", lines: list[str] | None = None) -> Emitter:
         """Writer of expressions in states of the given names, at the start ("s") or the end ("e") of the step."""
         nv, states = self.states, self.system.states
         names = {s: f"{vehicle}{k}" for k, s in enumerate(states[:nv])}
@@ -122,13 +175,19 @@ class StepBody:
         """The noise's increment of a vehicle state, as a term to be added."""
         return f" + n{state}" if state in self.pushes else ""
 
+    def shift(self, state: int, end: str) -> str:
+        """What the ground adds to a state where its rate is taken first ("a") or last ("b"), as a term to be added."""
+        return f" + n{end}{state}" if state in self.shifts[end] else ""
+
     def lines(self, layout: Layout) -> list[str]:
         """The step for the paths of one layout."""
         states = range(self.states)
-        body = self.height_lines + [f"g{j} = {gain}" for j, gain in enumerate(self.gains)]
+        body = self.within_lines + self.height_lines
         body += [f"n{a} = {push}" for a, push in self.pushes.items()]
+        body += [f"n{end}{a} = {push}" for end, pushes in self.shifts.items() for a, push in pushes.items()]
+        body += [f"xs{a} = x{a}{self.shift(a, 'a')}" for a in states]
         body += self.start
-        body += [f"p{a} = x{a} + dt * {self.start_rates[a]}{self.noise(a)}" for a in states]
+        body += [f"p{a} = x{a} + dt * {self.start_rates[a]}{self.noise(a)}{self.shift(a, 'b')}" for a in states]
         body += self.end
         body += [f"m{a} = x{a} + half * ({self.start_rates[a]} + {self.end_rates[a]}){self.noise(a)}" for a in states]
         for rider in self.riders:
@@ -136,10 +195,11 @@ class StepBody:
         body += [f"{layout.state(a)} = m{a}" for a in states]
         used = {word for line in body for word in _words(line)}
         lines = [f"x{a} = {layout.old_state(a)}" for a in states]
-        for name, node in (("u", "a"), ("v", "b")):
-            lines += [f"{name}{k} = {layout.ground(k, node)}" for k in range(self.filters) if f"{name}{k}" in used]
+        names = {f"{k}": row for k, row in enumerate(self.places)} | {f"i{row}": row for row in self.carried}
+        for end, node in (("u", "a"), ("v", "b")):
+            lines += [f"{end}{k} = {layout.ground(row, node)}" for k, row in names.items() if f"{end}{k}" in used]
         for j in range(self.noises):
-            row = self.filters + j
+            row = self.noise_row + j
             lines.append(f"w{j} = {layout.ground(row, 'b')} - {layout.ground(row, 'a')}")
         return lines + body
 

@@ -16,8 +16,8 @@ class GroundTables(NamedTuple):
     r x 2 r matrix: node j = law @ (node j - 1, z). Laws lie one after the other in `laws`, row by row.
     """
 
-    width: int  # rows of a time node: filter states of all copies, then noises in time
-    size: np.ndarray  # (tracks,) int: filter states r
+    width: int  # rows of a time node: states and integrals of all copies of the filter, then noises in time
+    size: np.ndarray  # (tracks,) int: states and integrals r of a filter
     laws: np.ndarray  # (numbers of all laws,)
     law_of: np.ndarray  # (all steps of all chains,) int: where in `laws` the step's law begins
     law_start: np.ndarray  # (tracks,) int: where a track's steps begin in law_of
@@ -29,16 +29,16 @@ class GroundTables(NamedTuple):
     ring_room: np.ndarray  # (tracks,) int: nodes that it holds
     ring_rows: int  # of all ring buffers
     has_mean: bool
-    mean: np.ndarray  # (time nodes, filter states of all copies): what the ground's own forcing adds, or empty
+    mean: np.ndarray  # (time nodes, rows of all copies): what the ground's own forcing adds, or empty
     noises: int  # noises in time: the last rows of a time node
     root_step: np.ndarray  # (steps,): square root of each step's duration
 
 
 class StartTables(NamedTuple):
-    """Vehicle at the start, x = offset + map @ (filter states) + root @ z, and the ground where the chains begin."""
+    """Vehicle at the start, x = offset + map @ (ground rows) + root @ z, and the ground where the chains begin."""
 
     offset: np.ndarray  # (nv,)
-    map: np.ndarray  # (rows, nf)
+    map: np.ndarray  # (rows, ground rows of a node)
     root: np.ndarray  # (nv, nv)
     rows: np.ndarray  # (rows,) int: for every row of a path the vehicle state that it starts from, or -1 for zero
     ground: tuple[np.ndarray, ...]  # a track each: factor (r, r) of the covariance
@@ -49,7 +49,7 @@ class StepTables(NamedTuple):
 
     S: np.ndarray  # (steps, coefficients): just after the start of the step
     E: np.ndarray  # (steps, coefficients): just before its end
-    K: np.ndarray  # (steps, kicks and noise entries): factors of increments, the mean of both ends
+    K: np.ndarray  # (steps, columns): factors of kicks and noises in the mean, changes of those of kicks, `within_tables`
     H: np.ndarray  # (steps,): duration
     q: np.ndarray  # constants
     T: np.ndarray  # tables of measured curves
