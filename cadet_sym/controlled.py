@@ -55,6 +55,7 @@ class Options(TypedDict, total=False):
     levels: Mapping[str, Sequence[float]] | None
     histograms: Mapping[str, int | Sequence[float] | Array] | None
     average_from: float | None
+    scheme: str | None
     engine: str | None
     threads: int | None
     executor: Executor | None
@@ -91,7 +92,7 @@ def simulate(
             variance and of a mean over the standard deviation, 0.01; of which states and outputs; seconds there are.
         levels, histograms, average_from : up-crossings, distributions and averages over time.
         executor, threads : where groups of paths are worked out; results do not depend on it.
-        run_in, check_step, engine, progress : see `simulation.engine.simulate`.
+        run_in, check_step, scheme, engine, progress : see `simulation.engine.simulate`.
 
     Returns
     -------

@@ -7,6 +7,7 @@ import inspect
 
 import numpy as np
 import pytest
+from conftest import ROOT
 from reference_models import oleo, oscillator, toml, value
 
 import cadet_sym as cs
@@ -145,6 +146,13 @@ def test_a_twin_with_wrong_moments_is_found_out(figure_2):
     run = simulate(figure_2.model, 1000, times=[3.0], step=0.02, check_step=False, twin=wrong)
     assert any("are estimated without it" in note for note in run.notes)
     assert run.variance["x"][0] == run.moments.variance[0, 0]
+
+
+def test_a_control_that_hardly_any_path_feels_is_no_false_twin():
+    """While the car sets out, no path reaches the bend of its damper, though some would: that little is in the error."""
+    run = cs.simulate(cs.load(ROOT / "models" / "stop_and_go.toml"), 640, times=[0.4, 4.0, 10.4], seed=1, check_step=False)
+    assert run.notes == ()
+    assert (run.saved("variance")["stroke"] > 10).all()
 
 
 def test_paths_are_simulated_until_the_limits_are_as_wanted(figure_2):

@@ -10,8 +10,10 @@ from reference_models import toml
 from cadet_sym.augmentation import augment
 from cadet_sym.errors import ModelError
 from cadet_sym.language.expression import Lookup, evaluate, symbol
+from cadet_sym.simulation.kicks import separate_kicks
+from cadet_sym.simulation.numbers import numeric
 from cadet_sym.simulation.plan import Problem
-from cadet_sym.simulation.program import numeric, write_program
+from cadet_sym.simulation.program import write_program
 from cadet_sym.simulation.source import CALLS, FOLDS, Emitter, Shared
 from cadet_sym.simulation.workers import records_of
 
@@ -141,7 +143,7 @@ def test_nothing_but_the_table_is_written():
 
 def test_names_of_a_model_do_not_reach_the_source():
     system = augment(toml(MODEL.replace("[initial]\n{start}", "").format(outputs='print = "x*k"').replace("bend", "exec_")))
-    program = write_program(system)
+    program = write_program(system, separate_kicks(system))
     for word in ("exec_", "print", "bend"):
         assert word not in program.numba_source
         assert word not in program.numpy_source

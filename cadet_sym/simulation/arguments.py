@@ -12,7 +12,7 @@ import numpy as np
 from cadet_sym.errors import ModelError
 from cadet_sym.language.model import Model
 
-__all__ = ["CHECKED", "check_numbers", "choose_engine", "increasing", "output_times", "places_of"]
+__all__ = ["CHECKED", "check_numbers", "checked_scheme", "choose_engine", "increasing", "output_times", "places_of"]
 
 _LEAST = {"paths": 2, "seed": 0, "keep": 0, "threads": 1}
 CHECKED = ("seed", "step", "level", "keep", "run_in", "threads", "target", "time_limit")  # numbers among the options
@@ -62,6 +62,13 @@ def choose_engine(engine: str | None) -> str:
     if engine == "numba" and not there:
         raise ModelError('simulate: `engine="numba"` needs numba, which is not installed; take "numpy" or install it')
     return engine or ("numba" if there else "numpy")
+
+
+def checked_scheme(scheme: str | None) -> str | None:
+    """The scheme asked for, if there is such a one."""
+    if scheme not in (None, "heun", "exponential"):
+        raise ModelError(f'simulate: `scheme` is "heun" or "exponential"; found {scheme!r}')
+    return scheme
 
 
 def places_of(names: Sequence[str], known: Sequence[str], argument: str) -> list[int]:

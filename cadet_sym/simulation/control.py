@@ -24,8 +24,8 @@ from itertools import islice
 import numpy as np
 import sympy as sp
 
+from cadet_sym.simulation.numbers import numeric
 from cadet_sym.simulation.plan import Problem
-from cadet_sym.simulation.program import numeric
 from cadet_sym.simulation.riders import is_affine
 from cadet_sym.simulation.statistics import Moments, StepError, alive, moments_of
 
@@ -38,7 +38,9 @@ _PER_DIRECTION = 6
 _OWN_DIRECTIONS = 3  # states of an output that is not linear, up to which each is a direction of its own
 _RANK = 1e-10  # of the largest eigenvalue of the controls' correlation: smaller ones carry nothing
 _KNOWN = 1e-7  # relative: how well the moments of the twin are known; a linear system is its own twin
-_ALARM = 6.0  # standard errors by which a control's mean may differ from zero
+_SHOWS = 4.0  # standard errors by which a step must move a control's mean to be seen
+_UNLIKELY = 6.0  # standard errors by which a control's mean may differ from zero
+_ALARM = 0.2  # of a plain standard error: what controls of an unlikely mean may move an estimate by
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ class Controlled:
     variance: np.ndarray
     mean_standard_error: np.ndarray
     variance_standard_error: np.ndarray
-    alarm: float  # largest distance of a control's mean from zero, in its standard errors
+    alarm: float  # how far controls of an unlikely mean move an estimate, in its plain standard errors
 
     @property
     def trusted(self) -> bool:
@@ -146,6 +148,18 @@ class ControlTally:
             left.append(np.stack([first, second - 2.0 * means[:, :1] * first]))
         return np.stack(left, axis=1)
 
+    def drift(self, coarse: np.ndarray, fine: np.ndarray) -> np.ndarray:
+        """What the step adds to the controls' means where it shows, in standard deviations of one path's control.
+
+        From two records of the same paths; (times,) the worst control of each.
+        """
+        a, b = (self._vectors(records)[:, 3:] for records in (coarse, fine))
+        added, n = a - b, max(a.shape[2], 2)
+        shift, doubt = np.abs(added.mean(axis=2)), added.std(axis=2) / math.sqrt(n)
+        spread = b.std(axis=2)
+        shows = (shift > _SHOWS * doubt) & (spread > 0.0)
+        return np.where(shows, 2.0 * shift / np.where(spread > 0.0, spread, 1.0), 0.0).max(axis=1)
+
     def estimate(self, sums: np.ndarray) -> Controlled:
         """Mean and variance with their standard errors, from the sums of all paths."""
         whole = sums.sum(axis=0)
@@ -155,19 +169,33 @@ class ControlTally:
         centre = rest.mean(axis=0)
         error = np.sqrt((BATCHES - 1) / BATCHES * np.sum((rest - centre) ** 2, axis=0))
         best = BATCHES * theta[0] - (BATCHES - 1) * centre
-        n = np.maximum(whole[:, 0, 0], 2.0)[:, None]
-        means = whole[:, 0, 3:] / n
-        spreads = np.sqrt(np.maximum(np.diagonal(whole, axis1=1, axis2=2)[:, 3:] / n - means**2, 0.0) / n)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            off = np.where(spreads > 0.0, np.abs(means) / spreads, 0.0)
+        unlikely, alarm = self._unlikely(whole)
+        error = np.hypot(error, unlikely)
         mean, variance = self.centre + self.unit * best[0], self.unit**2 * best[1]
         return Controlled(
             mean=mean,
             variance=variance,
             mean_standard_error=np.hypot(self.unit * error[0], _KNOWN * (np.abs(mean) + np.sqrt(np.abs(variance)))),
             variance_standard_error=np.hypot(self.unit**2 * error[1], _KNOWN * np.abs(variance)),
-            alarm=float(off.max(initial=0.0)),
+            alarm=alarm,
         )
+
+    def _unlikely(self, whole: np.ndarray) -> tuple[np.ndarray, float]:
+        """By how much controls of an unlikely mean move the estimates, (2, times), and the largest part of a plain error.
+
+        Either the twin is not what it is said to be, or the control is one that hardly any path feels, as a stop that is
+        out of reach: then the little that it moves is an error that the paths themselves do not tell.
+        """
+        n = np.maximum(whole[:, 0, 0], 2.0)[:, None]
+        means = whole[:, 0, 1:] / n
+        squares = np.diagonal(whole, axis1=1, axis2=2)[:, 1:] / n
+        spreads = np.sqrt(np.maximum(squares - means**2, 0.0) / n)
+        _, beta = _regression(whole)
+        unlikely = np.abs(means[:, 2:]) > _UNLIKELY * spreads[:, 2:]
+        moved = np.where(unlikely[..., None], np.abs(beta * means[:, 2:, None]), 0.0).max(axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            part = np.where(moved > 0.0, moved / spreads[:, :2], 0.0)
+        return moved.T, float(part.max(initial=0.0))
 
 
 def _regression(sums: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -18,7 +18,7 @@ import numpy as np
 from cadet_sym.augmentation import AugmentedSystem, augment
 from cadet_sym.errors import SolverError
 from cadet_sym.language.model import Model
-from cadet_sym.simulation.arguments import check_numbers, choose_engine, increasing, output_times, places_of
+from cadet_sym.simulation.arguments import check_numbers, checked_scheme, choose_engine, increasing, output_times, places_of
 from cadet_sym.simulation.collect import Collected, Goal, collect, estimates_of
 from cadet_sym.simulation.control import Reference, reference_of
 from cadet_sym.simulation.demands import Demands
@@ -57,6 +57,7 @@ def simulate(
     levels: Mapping[str, Sequence[float]] | None = None,
     histograms: Mapping[str, int | Sequence[float] | np.ndarray] | None = None,
     average_from: float | None = None,
+    scheme: str | None = None,
     engine: str | None = None,
     threads: int | None = None,
     executor: Executor | None = None,
@@ -93,6 +94,8 @@ def simulate(
     levels : state or output -> levels whose up-crossings are counted, at every step.
     histograms : state or output -> edges of bins, or their number.
     average_from : average over the output times from here on as well, for stationary runs.
+    scheme : "heun", or "exponential", which takes the vehicle's linear terms exactly however fast they are; if not given,
+        exponential where these terms alone would keep the step short.
     engine : "numba" (compiled) or "numpy"; numba if it is installed.
     threads : threads to use; as many as there are processors if not given.
     executor : a `concurrent.futures` executor to work on instead of threads (processes, other machines).
@@ -111,19 +114,19 @@ def simulate(
         paths=count, seed=seed, step=step, level=level, keep=keep, run_in=run_in, threads=threads,
         target=target, time_limit=time_limit,
     )  # fmt: skip
-    engine = choose_engine(engine)
+    engine, scheme = choose_engine(engine), checked_scheme(scheme)
     crossings = _crossing_riders(system, increasing(levels or {}, "levels"))
     riders, at = list(crossings.values()), output_times(system.model, times)
     inputs = inputs_of(system)
     forms = [i.form for i in inputs]
-    problem = Problem(system, at, riders, twin, forms)
+    problem = Problem(system, at, riders, twin, forms, scheme)
     factor = interval_factor(level)
     goal = Goal(count, target, _watched(problem, watch), level, time_limit)
     seconds = {"preparing": perf_counter() - began}
     precision = Precision(goal.paths or 2048, target if count is None else None, factor, _PART * (time_limit or math.inf))
     chosen = choose_step(problem, precision, seed, step, run_in, engine, check_step, insist)
     if not chosen.worth:
-        problem = Problem(system, at, riders, inputs=forms)
+        problem = Problem(system, at, riders, inputs=forms, scheme=scheme)
         chosen = choose_step(problem, precision, seed, step, run_in, engine, check_step)
     began = perf_counter()
     plan, grid = problem.plan(chosen.step, chosen.run_in)
@@ -133,6 +136,7 @@ def simulate(
         found, over = collect(task, goal, tallies.controls, executor, threads, tell)
     seconds |= {**chosen.seconds, "paths": perf_counter() - began}
     known = {"step": float(grid.step.max()), "seed": seed, "level": level, "engine": engine, "seconds": seconds}
+    known["scheme"] = problem.scheme
     ensemble = _ensemble(problem, chosen, found, tallies, inputs, known, twin is not None)
     if found.diverged == found.paths:
         raise SolverError(

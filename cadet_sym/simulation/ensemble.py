@@ -70,6 +70,7 @@ class Ensemble:
     inputs: Mapping[str, InputShape]  # of all nonlinearities of the rates, by the linear form that enters
     level: float  # of the limits, 0.99
     run_in: float  # time for which every path was run in before t = 0, s
+    scheme: str  # "heun" or "exponential"
     engine: str  # "numba" or "numpy"
     seconds: Mapping[str, float]  # wall time of: preparing, compiling, step, paths
     notes: tuple[str, ...]  # what the user should know, in sentences
@@ -226,12 +227,13 @@ class Ensemble:
                 "seed": self.seed,
                 "step": self.step,
                 "diverged": self.diverged,
+                "scheme": self.scheme,
                 "engine": self.engine,
             },
         )
 
     def __str__(self) -> str:
-        lines = [f"{self.paths} paths of {self.model or 'the model'}, step {self.step:.3g}, seed {self.seed}"]
+        lines = [f"{self.paths} paths of {self.model or 'the model'}, step {self.step:.3g} ({self.scheme}), seed {self.seed}"]
         for name in (*self.outputs, *self.states):
             mean, variance = self.mean[name][-1], self.variance[name][-1]
             lines.append(

@@ -193,8 +193,17 @@ def _fill(g, n0, n1, G, ring, made, sums, state, gamma):
         if g.noises > 0:
             if node > n0:
                 _draw(state[1], gamma[1], work, 0, g.noises, bits, late)
-                for l in range(g.noises * LANES):
-                    sums[l] += g.root_step[node - 1] * work[l]
+                if g.mix.shape[0] > 0:
+                    law = g.mix_of[node - 1]
+                    for a in range(g.noises):
+                        for l in range(LANES):
+                            s = 0.0
+                            for b in range(a + 1):
+                                s += g.mix[law, a, b] * work[b * LANES + l]
+                            sums[a * LANES + l] = s
+                else:
+                    for l in range(g.noises * LANES):
+                        sums[l] += g.root_step[node - 1] * work[l]
             o = (top + g.width - g.noises) * LANES
             for l in range(g.noises * LANES):
                 G[o + l] = sums[l]
@@ -253,9 +262,11 @@ def _run(advance, record, fill, g, map_, fine, coarse, out, state, gamma, behind
 def _compiled() -> tuple[Any, Any]:
     """`_run` and `_fill`, compiled once for all models: what differs between these is called through a pointer."""
     vector, table = np.zeros(0), np.zeros((0, 0))
-    ints = np.zeros(0, np.int64)
+    ints, box = np.zeros(0, np.int64), np.zeros((0, 0, 0))
     ground = numba.typeof(
-        GroundTables(0, ints, vector, ints, ints, ints.reshape(0, 0), ints, ints, ints, ints, ints, 0, False, table, 0, vector)
+        GroundTables(
+            0, ints, vector, ints, ints, ints.reshape(0, 0), ints, ints, ints, ints, ints, 0, False, table, 0, vector, box, ints
+        )
     )
     steps = numba.typeof(StepTables(table, table, table, vector, vector, vector))
     out = numba.typeof(OutputTables(ints, 0, table, vector, vector))

@@ -56,6 +56,10 @@ class Motion:
             place = self.start + self._reached[k] + self._travelled(self._nodes[k], after)
         return np.where(time < 0.0, place + self.speed(0.0) * time, place)
 
+    def values(self, time: np.ndarray) -> dict[sp.Symbol, np.ndarray]:
+        """Time, distance, speed and its rate by the symbols that stand for them."""
+        return {TIME: time, DISTANCE: self.distance(time), SPEED: self.speed(time), SPEED_RATE: self.rate(time)}
+
     def times_at(self, places: Sequence[float]) -> np.ndarray:
         """When the leading wheel passes places inside the run (bisection; the distance never falls)."""
         first, last = self.distance(self._nodes[[0, -1]])

@@ -120,6 +120,8 @@ def ground_tables(
         mean=mean,
         noises=noises,
         root_step=np.sqrt(grid.step),
+        mix=np.zeros((0, noises, noises)),
+        mix_of=np.zeros(0, dtype=np.int64),
     )
     return tables, tuple(roots)
 

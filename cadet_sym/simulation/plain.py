@@ -61,7 +61,11 @@ class _Ground:
             rows[: t.mean.shape[1]] += t.mean[node][:, None]
         if t.noises:
             if node > 0:
-                self.sums = self.sums + t.root_step[node - 1] * self.streams[1].normals(t.noises)
+                deviates = self.streams[1].normals(t.noises)
+                if len(t.mix):
+                    self.sums = t.mix[t.mix_of[node - 1]] @ deviates
+                else:
+                    self.sums = self.sums + t.root_step[node - 1] * deviates
             rows[t.width - t.noises :] = self.sums
         return rows
 

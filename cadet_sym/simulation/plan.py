@@ -11,13 +11,16 @@ import sympy as sp
 
 from cadet_sym.augmentation import AugmentedSystem
 from cadet_sym.errors import ModelError
-from cadet_sym.language.expression import SPEED, TIME, evaluate
+from cadet_sym.language.expression import TIME, evaluate
 from cadet_sym.simulation.grid import Grid, Motion, make_grid
 from cadet_sym.simulation.ground import ground_tables, within_tables
+from cadet_sym.simulation.kicks import separate_kicks
 from cadet_sym.simulation.laws import covariance_factor
-from cadet_sym.simulation.program import Program, numeric, write_program
+from cadet_sym.simulation.numbers import matrices, numeric
+from cadet_sym.simulation.program import Program, write_program
+from cadet_sym.simulation.rates import Rates, choose_scheme
 from cadet_sym.simulation.riders import TwinRider
-from cadet_sym.simulation.source import RUN_SYMBOLS
+from cadet_sym.simulation.rules import Exponential, Linear, Numbers, split_linear
 from cadet_sym.simulation.step import Rider
 from cadet_sym.simulation.tables import GroundTables, OutputTables, StartTables, StepTables
 from cadet_sym.simulation.twin import Twin
@@ -55,6 +58,7 @@ class Problem:
     riders : what is carried along with every path.
     twin : the quasi-linear system along the run, if it is to be carried along, after the other riders.
     inputs : linear forms in the states that have moments as well, after the outputs.
+    scheme : "heun" or "exponential" (see `rules`); chosen by the rates of the problem if not given.
     """
 
     def __init__(
@@ -64,6 +68,7 @@ class Problem:
         riders: Sequence[Rider] = (),
         twin: Twin | None = None,
         inputs: Sequence[sp.Expr] = (),
+        scheme: str | None = None,
     ):
         self.asked = len(system.states) + len(system.outputs)  # quantities whose moments were asked for
         hidden = {f"input {k}": form for k, form in enumerate(inputs)}  # no name of a model holds a space
@@ -75,8 +80,14 @@ class Problem:
             sp.Symbol(name, real=True): float(value) for name, value in system.model.parameter_values().items()
         }
         self.elements = system.model.vehicle.elements
-        self.program: Program = write_program(system, self.riders)
         self.motion = Motion(system, self.values, float(times[-1]))
+        self.rates = Rates(system, self.values, self.motion, float(times[-1]))
+        separated = separate_kicks(system)
+        if scheme is None:  # crossings are looked for at every step: with them steps stay short beside the vehicle's swing
+            scheme = "heun" if riders else choose_scheme(self.rates, separated)
+        linear = split_linear(separated.drift, system.states) if scheme == "exponential" else None
+        self.program: Program = write_program(system, separated, linear, self.riders)
+        self.scheme, self.first_step = self.program.rule.name, self.rates.first_step(linear, separated)
         self.names = [s.name for s in system.states] + list(system.outputs)
         self._check_tracks()
 
@@ -84,64 +95,25 @@ class Problem:
         """Tables for steps no longer than `step`; with `paired`, of that grid and of the one with halved steps."""
         grid = make_grid(self.motion, self.times, step, self._kinks(), run_in)
         finest = grid.halved() if paired else grid
-        program = self.program
-        ground, roots = ground_tables(
-            self.system, self.values, finest, program.ground_rows, len(program.time_noises)
-        )
-        fine = self._steps(finest)
+        program, numbers = self.program, self._numbers(finest)
+        ground, roots = ground_tables(self.system, self.values, finest, program.ground_rows, program.rule.noises)
+        if isinstance(program.rule, Exponential) and program.rule.noises:
+            mix, mix_of = program.rule.noise_laws(numbers)
+            ground = ground._replace(mix=mix, mix_of=mix_of)
+        fine = self._steps(finest, numbers)
         plan = Plan(
             program.numba_source,
             program.numpy_source,
             ground,
             self._start(roots),
             fine,
-            self._steps(grid) if paired else StepTables(fine.S[:0], fine.E[:0], fine.K[:0], fine.H[:0], fine.q, fine.T),
+            self._coarse(grid, numbers)
+            if paired
+            else StepTables(fine.S[:0], fine.E[:0], fine.K[:0], fine.H[:0], fine.q, fine.T),
             self._outputs(finest),
             purposes=2 + len({c.track for c in self.system.copies}),
         )
         return plan, grid
-
-    def rate_scale(self) -> float:
-        """Largest rate, 1/s, of the vehicle's equations about the start.
-
-        From differences of three sizes, of which the one that asks for the least is taken: a friction's jump is
-        no rate, and a stop that is far away none either. The step's error, measured, has the last word.
-        """
-        run = np.array([0.0, 0.5 * self.times[-1], self.times[-1]])
-        scales = [np.abs(modes).max() for modes in self._modes(run)]
-        return float(min(scales, default=0.0))
-
-    def relaxation_time(self, constants: float) -> float:
-        """Time in which the slowest mode that decays at the start falls by exp(-constants)."""
-        modes = np.concatenate([m.ravel() for m in self._modes(np.zeros(1))] or [np.zeros(0)])
-        decay = -modes.real[-modes.real > 1e-6 * np.abs(modes).max(initial=0.0)]
-        return constants / float(decay.min()) if len(decay) else float(self.times[-1])
-
-    def _modes(self, time: np.ndarray) -> list[np.ndarray]:
-        """Eigenvalues (times, nv) of the vehicle's rates about its initial mean, from differences of several sizes."""
-        nv, found = self.system.vehicle_size, []
-        for size in (1e-3, 1e-1, 1e1):
-            at = np.zeros((len(self.system.states), 2 * nv, len(time)))
-            at[:nv] = self._start().offset[:, None, None]
-            for k in range(nv):
-                at[k, 2 * k] += size
-                at[k, 2 * k + 1] -= size
-            known = {**self.values, **dict(zip(self.system.states, at, strict=True)), **self.run_values(time)}
-            rates = numeric(self.system.drift[:nv], known, self.elements)
-            jacobian = (rates[0::2] - rates[1::2]) / (2.0 * size)
-            if np.isfinite(jacobian).all():
-                found.append(np.linalg.eigvals(np.moveaxis(jacobian, 0, -1)))
-        return found
-
-    def ground_scale(self) -> float:
-        """Largest rate, 1/s, at which the ground comes by: its filters' fastest mode at the highest speed."""
-        run = self.run_values(np.linspace(0.0, self.times[-1], 501))
-        fastest = 0.0
-        for C in {copy.filter.C for copy in self.system.copies}:
-            matrices = numeric(list(C), {**self.values, **run}, self.elements).reshape(-1, *C.shape)
-            modes = np.abs(np.linalg.eigvals(matrices)).max(axis=-1)
-            fastest = max(fastest, float((modes * run[SPEED]).max()))
-        return fastest
 
     @property
     def quantities(self) -> int:
@@ -159,8 +131,7 @@ class Problem:
 
     def run_values(self, time: np.ndarray) -> dict[sp.Symbol, np.ndarray]:
         """Time, distance, speed and its rate."""
-        m = self.motion
-        return dict(zip(RUN_SYMBOLS, (time, m.distance(time), m.speed(time), m.rate(time)), strict=True))
+        return self.motion.values(time)
 
     def _kinks(self) -> np.ndarray:
         """When a wheel passes a kink or an edge of the ground."""
@@ -171,21 +142,40 @@ class Problem:
         setbacks = {float(evaluate(c.setback, self.values)) for c in self.system.copies}
         return self.motion.times_at([e + L for e in edges for L in setbacks])
 
-    def _steps(self, grid: Grid) -> StepTables:
+    def _steps(self, grid: Grid, numbers: Numbers) -> StepTables:
         program = self.program
         runs = [grid.run_values(end) for end in (False, True)]
         ends = [self._at(program.coefficients, {**run, **self._gains(run[TIME])}) for run in runs]
-        kicks = [self._noise(run) for run in runs]
-        changes = kicks[1] - kicks[0]
         within = within_tables(self.system, self.values, grid, program.ground_rows)
         return StepTables(
             S=np.ascontiguousarray(ends[0]),
             E=np.ascontiguousarray(ends[1]),
-            K=np.column_stack([0.5 * (kicks[0] + kicks[1]), changes[:, : len(program.kicks)], within]),
+            K=np.column_stack([program.rule.table(numbers), within]),
             H=np.ascontiguousarray(grid.step),
             q=numeric(program.constants, self.values, self.elements),
             T=program.table,
         )
+
+    def _coarse(self, grid: Grid, fine: Numbers) -> StepTables:
+        """Of the steps that are two of the finer grid's."""
+        steps, rule = self._steps(grid, self._numbers(grid)), self.program.rule
+        if isinstance(rule, Exponential):
+            rule.carry_on(steps.K, fine.A[1::2], fine.H[1::2])
+        return steps
+
+    def _numbers(self, grid: Grid) -> Numbers:
+        """What the rule's tables are made of."""
+        program = self.program
+        runs = [grid.run_values(end) for end in (False, True)]
+        kicks = [self._at([kick.kappa for kick in program.kicks], run) for run in runs]
+        noises = [self._noise(run) for run in runs]
+        linear = program.rule.linear if isinstance(program.rule, Exponential) else Linear({}, {}, ())
+        middle = grid.values_at(0.5 * (grid.time[1:] + grid.time[:-1]))
+        nv, nf, n = self.system.vehicle_size, len(program.places), len(grid.step)
+        at = [{**self.values, **run} for run in (*runs, middle)]
+        M = tuple(matrices(linear.ground, (nv, nf), known, self.elements, n) for known in at[:2])
+        A = matrices(linear.vehicle, (nv, nv), at[2], self.elements, n)
+        return Numbers(grid.step, (kicks[0], kicks[1]), 0.5 * (noises[0] + noises[1]), A, (M[0], M[1]))
 
     def _gains(self, time: np.ndarray) -> dict[sp.Symbol, np.ndarray]:
         """Gains of the twin at given times, by the symbols that stand for them."""
@@ -198,17 +188,14 @@ class Problem:
         return numeric(expressions, {**self.values, **run}, self.elements)
 
     def _noise(self, run: Mapping[sp.Symbol, np.ndarray]) -> np.ndarray:
-        """Factors (times, kicks and entries) of what kicks the vehicle, and of independent unit noises in time."""
-        system, program = self.system, self.program
-        kicks = self._at([kick.kappa for kick in program.kicks], run)
+        """What independent unit noises in time do to the vehicle, (times, nv, those that reach it)."""
+        system = self.system
         time = [j for j, source in enumerate(system.sources) if source.domain == "time"]
-        shape = (len(kicks), system.vehicle_size, len(time))
+        shape = (len(run[TIME]), system.vehicle_size, len(time))
         Q = self._at(list(system.intensity.extract(time, time)) if time else [], run)
-        root = _factor(Q.reshape(len(kicks), len(time), len(time)), "[noise] intensity")
+        root = _factor(Q.reshape(shape[0], len(time), len(time)), "[noise] intensity")
         entering = self._at([system.noise_input[i, j] for i in range(shape[1]) for j in time], run).reshape(shape)
-        mixed = entering @ root
-        noises = [mixed[:, i, time.index(program.time_noises[j])] for i, j in program.time_entries]
-        return np.column_stack([kicks, *noises])
+        return (entering @ root)[:, :, [time.index(j) for j in self.program.time_noises]]
 
     def _start(self, ground: tuple[np.ndarray, ...] = ()) -> StartTables:
         system, nv = self.system, self.system.vehicle_size

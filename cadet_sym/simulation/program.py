@@ -18,21 +18,21 @@ import numpy as np
 import sympy as sp
 
 from cadet_sym.augmentation import AugmentedSystem
-from cadet_sym.language.expression import ElementCall, evaluate
-from cadet_sym.simulation.kicks import Kick
+from cadet_sym.simulation.kicks import Kick, Separated
+from cadet_sym.simulation.rules import Exponential, Heun, Linear
 from cadet_sym.simulation.source import Emitter, Shared
 from cadet_sym.simulation.step import LANES, Layout, Rider, StepBody
 from cadet_sym.simulation.within import CopyRows
 
-__all__ = ["LANES", "Program", "numeric", "write_program"]
+__all__ = ["LANES", "Program", "write_program"]
 
 
 @dataclass(frozen=True)
 class Program:
     """Source of `advance` and `record`, and the expressions whose values they read from tables.
 
-    Rows of a node are those of the filter copies (see `CopyRows`), then the noises in time that reach the vehicle, each
-    made independent of the others, of unit intensity, and summed since the start.
+    Rows of a node are those of the filter copies (see `CopyRows`), then those of the noise in time: by Heun's rule the
+    noises that reach the vehicle, each made independent of the others, of unit intensity, and summed since the start.
     """
 
     numba_source: str
@@ -41,9 +41,10 @@ class Program:
     coefficients: tuple[sp.Expr, ...]  # c: one value at each end of a step
     record_constants: tuple[sp.Expr, ...]
     record_coefficients: tuple[sp.Expr, ...]  # one value an output time
-    kicks: tuple[Kick, ...]  # their factors are the first columns of the noise table
+    rule: Heun | Exponential  # its numbers are the first columns of the step's table
+    kicks: tuple[Kick, ...]
     time_noises: tuple[int, ...]  # columns of the noise input, of those that reach the vehicle
-    time_entries: tuple[tuple[int, int], ...]  # (vehicle state, place in time_noises): the other columns
+    time_entries: tuple[tuple[int, int], ...]  # (vehicle state, place in time_noises)
     ground_rows: tuple[CopyRows, ...]  # of every copy of the filter
     places: tuple[int, ...]  # for every filter state its row of a node
     table: np.ndarray  # measured curves
@@ -52,35 +53,22 @@ class Program:
     starts: tuple[int, ...]  # for every row of a path the vehicle state that it starts from, or -1 for zero
 
 
-def numeric(expressions: Sequence[sp.Expr], values: Mapping[sp.Symbol, Any], elements: Mapping[str, Any]) -> np.ndarray:
-    """Values of expressions that do not depend on the path: (times, expressions) where values are arrays over time."""
-    shape = np.broadcast_shapes(*(np.shape(v) for v in values.values())) if values else ()
-    rows = [np.broadcast_to(evaluate(_written_out(e, elements), values), shape) for e in expressions]
-    return np.stack(rows, axis=-1) if rows else np.zeros((*shape, 0))
-
-
-def _written_out(expression: sp.Expr, elements: Mapping[str, Any]) -> sp.Expr:
-    """The bodies of declared elements in place of their calls, elements inside elements too."""
-    while calls := expression.atoms(ElementCall):
-        bodies = {}
-        for call in calls:
-            element = elements[call.name]
-            bodies[call] = element.value.xreplace(dict(zip(element.arguments, call.arguments, strict=True)))
-        expression = expression.xreplace(bodies)
-    return expression
-
-
-def write_program(system: AugmentedSystem, riders: Sequence[Rider] = ()) -> Program:
+def write_program(
+    system: AugmentedSystem, separated: Separated, linear: Linear | None = None, riders: Sequence[Rider] = ()
+) -> Program:
     """Write the vehicle's rates and all outputs of an augmented system as source.
 
     Parameters
     ----------
+    separated : the vehicle's drift without derivatives of the ground.
+    linear : the same with its linear terms apart, which are taken exactly; if not given, Heun's rule takes all of it.
     riders : what is carried along with every path; their rows are recorded after the outputs.
     """
     elements = system.model.vehicle.elements
     noises, entries = _time_noise(system)
     step, out = Shared(elements), Shared(elements)
-    body = StepBody(system, step, len(noises), entries, riders)
+    rule = Heun(separated, entries) if linear is None else Exponential(system, separated, linear, entries)
+    body = StepBody(system, step, separated, rule, riders)
     texts = ["\n".join([_advance(body, step, layout), _record(body, out, layout), ""]) for layout in body.layouts]
     return Program(
         *texts,
@@ -88,7 +76,8 @@ def write_program(system: AugmentedSystem, riders: Sequence[Rider] = ()) -> Prog
         coefficients=tuple(step.coefficients),  # type: ignore[arg-type]
         record_constants=tuple(out.constants),  # type: ignore[arg-type]
         record_coefficients=tuple(out.coefficients),  # type: ignore[arg-type]
-        kicks=body.separated.kicks,
+        rule=rule,
+        kicks=separated.kicks,
         time_noises=noises,
         time_entries=entries,
         ground_rows=body.ground_rows,

@@ -66,7 +66,6 @@ class TwinRider:
     entries: dict[tuple[int, int], sp.Dummy] = field(default_factory=dict)  # N[a, b]; b = -1 for g[a]
     _nonlinear: tuple[int, ...] = ()
     _lines: list[str] = field(default_factory=list)
-    _ends: list[str] = field(default_factory=list)
     _first: int = 0
 
     @property
@@ -77,36 +76,38 @@ class TwinRider:
 
     def write(self, body: StepBody, first: int) -> None:
         """The path's own steps of y with the path's noise, and of q with what the nonlinearity leaves at both places."""
-        nv, states = self.system.vehicle_size, self.system.states
+        nv, states, rule = self.system.vehicle_size, self.system.states, body.rule
         self._first = first
-        drift = body.separated.drift
-        self._nonlinear = tuple(a for a in range(nv) if not is_affine(drift[a], states))
-        linear = [self._linear(a, drift[a], body.separated.taken[a]) for a in range(nv)]
+        self._nonlinear = tuple(a for a in range(nv) if not is_affine(rule.rest[a], states))
+        linear = [self._linear(a, rule.rest[a], body.separated.taken[a] + rule.removed[a]) for a in range(nv)]
         body.shared.along_run |= set(self.entries.values())
-        own = [{b: f for b in range(nv) if (f := sp.diff(rate, states[b])) != 0} for rate in linear]
 
         start, ahead = body.emitter("zs", "us", "s", "t"), body.emitter("zp", "vs", "e", "t")
         rates = [[end.operand(rate) for rate in linear] for end in (start, ahead)]
-        true = [{a: end.operand(drift[a]) for a in self._nonlinear} for end in (start, ahead)]
-        lines = [f"zs{a} = z{a}{body.shift(a, 'a')}" for a in range(nv)] + start.lines
-        lines += [f"zp{a} = z{a} + dt * {rates[0][a]}{body.noise(a)}{body.shift(a, 'b')}" for a in range(nv)]
-        lines += ahead.lines
-        lines += [f"zn{a} = z{a} + half * ({rates[0][a]} + {rates[1][a]}){body.noise(a)}" for a in range(nv)]
-        pushed = [dict.fromkeys(range(nv), ""), dict.fromkeys(range(nv), "")]
-        residuals: list[str] = []
-        for a in self._nonlinear:
-            residuals.append(f"ra{a} = {true[0][a]} - {rates[0][a]}")
-            residuals.append(f"rb{a} = {true[1][a]} - {rates[1][a]}")
-            pushed[0][a], pushed[1][a] = f" + ra{a}", f" + rb{a}"
-        lines += residuals
-        for end, (name, suffix, into) in enumerate((("d", "s", "fa"), ("dp", "e", "fb"))):
-            gains = body.emitter("x", "u", suffix, f"j{suffix}")
-            for a in range(nv):
-                terms = [f"{gains.operand(f)} * {name}{b}" for b, f in own[a].items()]
-                lines.append(f"{into}{a} = {' + '.join(terms) or '0.0'}{pushed[end][a]}")
-            if end == 0:
-                lines += [f"dp{a} = d{a} + dt * fa{a}" for a in range(nv)]
+        true = [{a: end.operand(rule.rest[a]) for a in self._nonlinear} for end in (start, ahead)]
+        lines = body.taken_first("zs", "z") + start.lines + body.taken_last("zp", "z", rates[0]) + ahead.lines
+        lines += [f"zn{a} = {text}" for a, text in enumerate(rule.corrected("z", rates[0], rates[1]))]
+        for end, left in enumerate(("ra", "rb")):
+            lines += [f"{left}{a} = {rate} - {rates[end][a]}" for a, rate in true[end].items()]
+        own = [{b: f for b in range(nv) if (f := sp.diff(rate, states[b])) != 0} for rate in linear]
+        first_rates = self._pushed(body, own, "d", "s", "ra", lines)
+        lines += [f"dp{a} = {text}" for a, text in enumerate(rule.predicted("d", first_rates, noisy=False))]
+        last_rates = self._pushed(body, own, "dp", "e", "rb", lines)
+        lines += [f"dn{a} = {text}" for a, text in enumerate(rule.corrected("d", first_rates, last_rates, noisy=False))]
         self._lines = lines
+
+    def _pushed(
+        self, body: StepBody, own: Sequence[dict[int, sp.Expr]], q: str, suffix: str, residual: str, lines: list[str]
+    ) -> list[str]:
+        """Rates of q at one end of the step; writes the lines they need."""
+        gains, rates = body.emitter("x", "u", suffix, f"j{suffix}", lines), []
+        for a, slopes in enumerate(own):
+            terms = [f"{gains.operand(f)} * {q}{b}" for b, f in slopes.items()]
+            terms += [f"{residual}{a}"] if a in self._nonlinear else []
+            if terms:
+                lines.append(f"f{residual}{a} = {' + '.join(terms)}")
+            rates.append(f"f{residual}{a}" if terms else "0.0")
+        return rates
 
     def lines(self, layout: Layout) -> list[str]:
         """Rows y and q after the step."""
@@ -115,15 +116,15 @@ class TwinRider:
         lines += [f"d{a} = {layout.old_state(first + nv + a)}" for a in range(nv)]
         lines += self._lines
         lines += [f"{layout.state(first + a)} = zn{a}" for a in range(nv)]
-        lines += [f"{layout.state(first + nv + a)} = d{a} + half * (fa{a} + fb{a})" for a in range(nv)]
+        lines += [f"{layout.state(first + nv + a)} = dn{a}" for a in range(nv)]
         return lines
 
     def _linear(self, a: int, rate: sp.Expr, taken: sp.Expr) -> sp.Expr:
-        """The twin's rate: N y + g less what the step takes as kicks; a linear rate as it is."""
+        """The twin's rate: N y + g less what the step takes as kicks or exactly; a linear rate as it is."""
         if a not in self._nonlinear:
             return rate
         states = self.system.states
-        seen = [b for b, s in enumerate(states) if s in rate.free_symbols]  # of others N is what the kicks hold
+        seen = [b for b, s in enumerate(states) if s in rate.free_symbols]  # of others N is all in `taken`
         gain = {b: self.entries.setdefault((a, b), sp.Dummy(f"N{a}_{b}", real=True)) for b in seen}
         rest = self.entries.setdefault((a, -1), sp.Dummy(f"g{a}", real=True))
         kicked = sp.expand(taken)

@@ -9,7 +9,8 @@ from typing import Protocol
 import sympy as sp
 
 from cadet_sym.augmentation import AugmentedSystem
-from cadet_sym.simulation.kicks import separate_kicks
+from cadet_sym.simulation.kicks import Separated
+from cadet_sym.simulation.rules import Rule
 from cadet_sym.simulation.source import Emitter, Shared
 from cadet_sym.simulation.within import copy_rows
 
@@ -78,9 +79,10 @@ class Rider(Protocol):
 
 
 class StepBody:
-    """The lines of one step of Heun's rule, with the ground as it is within the step (see `within`).
+    """The lines of one step by a rule, with the ground as it is within the step (see `within`).
 
     With g the increments of what kicks the vehicle, a and b what shifts them to the two places at which rates are taken,
+    Heun's rule reads
 
         xs = x + K a,    p = x + h f(xs) + K (g + b) + dW,    m = x + h/2 (f(xs) + f(p)) + K g - dK e + dW,
 
@@ -91,30 +93,24 @@ class StepBody:
         self,
         system: AugmentedSystem,
         shared: Shared,
-        noises: int,
-        entries: tuple[tuple[int, int], ...],
+        separated: Separated,
+        rule: Rule,
         riders: Sequence[Rider] = (),
     ):
-        self.system, self.shared, self.noises, self.riders = system, shared, noises, riders
+        self.system, self.shared, self.separated, self.rule, self.riders = system, shared, separated, rule, riders
         self.states = nv = system.vehicle_size
-        self.separated = separate_kicks(system)
-        felt = set[sp.Basic]().union(*(e.free_symbols for e in (*self.separated.drift, *self.separated.heights)))
+        felt = set[sp.Basic]().union(*(e.free_symbols for e in (*separated.drift, *separated.heights)))
         self.ground_rows = copy_rows(system, felt)
         self.places = tuple(each.first + a for each in self.ground_rows for a in range(each.states))
         self.carried = tuple(each.first + a for each in self.ground_rows for a in range(each.states, each.size))
         self.noise_row = sum(each.size for each in self.ground_rows)
-        self.layouts = (Lanes(self.noise_row + noises), Rows(self.noise_row + noises))
-        kicks = self.separated.kicks
-        places = [(k.state, f"g{k.height}") for k in kicks] + [(i, f"w{j}") for i, j in entries]
-        moving = [(k.state, f"(-0.5) * (ag{k.height} + bg{k.height})") for k in kicks]
-        self.columns = len(places) + len(moving)
+        self.layouts = (Lanes(self.noise_row + rule.noises), Rows(self.noise_row + rule.noises))
+        self.columns = rule.columns
         self.within_lines = self._within()
         self.height_lines: list[str] = []
         self._heights()
-        self.pushes = self._pushes([*places, *moving], "{}")
-        self.shifts = {end: self._pushes(places[: len(kicks)], end + "{}") for end in "ab"}
         start, end = self.emitter("xs", "us", "s"), self.emitter("p", "vs", "e")
-        self.start_rates, self.end_rates = ([e.operand(r) for r in self.separated.drift] for e in (start, end))
+        self.start_rates, self.end_rates = ([e.operand(r) for r in rule.rest] for e in (start, end))
         self.start, self.end = start.lines, end.lines
         first = nv
         for rider in riders:
@@ -157,13 +153,6 @@ class StepBody:
             moved = self.emitter("x", f"s{letter}", suffix, f"y{letter}", lines)
             lines += [f"{letter}g{j} = {moved.operand(y)}" for j, y in enumerate(heights)]
 
-    def _pushes(self, places: Sequence[tuple[int, str]], name: str) -> dict[int, str]:
-        """For each state that is pushed the sum of factors times increments."""
-        pushes: dict[int, list[str]] = {}
-        for column, (state, increment) in enumerate(places):
-            pushes.setdefault(state, []).append(f"k{column} * {name.format(increment)}")
-        return {state: " + ".join(terms) for state, terms in pushes.items()}
-
     def emitter(self, vehicle: str, ground: str, suffix: str, letter: str = "e", lines: list[str] | None = None) -> Emitter:
         """Writer of expressions in states of the given names, at the start ("s") or the end ("e") of the step."""
         nv, states = self.states, self.system.states
@@ -171,37 +160,34 @@ class StepBody:
         names |= {s: f"{ground}{k}" for k, s in enumerate(states[nv:])}
         return Emitter(names, self.shared, suffix, letter, lines)
 
-    def noise(self, state: int) -> str:
-        """The noise's increment of a vehicle state, as a term to be added."""
-        return f" + n{state}" if state in self.pushes else ""
+    def taken_first(self, name: str, z: str) -> list[str]:
+        """Lines of the states at which rates are taken first."""
+        shifted = self.rule.shifted
+        return [f"{name}{a} = {z}{a}" + (f" + na{a}" if a in shifted else "") for a in range(self.states)]
 
-    def shift(self, state: int, end: str) -> str:
-        """What the ground adds to a state where its rate is taken first ("a") or last ("b"), as a term to be added."""
-        return f" + n{end}{state}" if state in self.shifts[end] else ""
+    def taken_last(self, name: str, z: str, rates: Sequence[str]) -> list[str]:
+        """Lines of the states at which rates are taken last, by the rates taken first."""
+        shifted, texts = self.rule.shifted, self.rule.predicted(z, rates)
+        return [f"{name}{a} = {text}" + (f" + nb{a}" if a in shifted else "") for a, text in enumerate(texts)]
 
     def lines(self, layout: Layout) -> list[str]:
         """The step for the paths of one layout."""
-        states = range(self.states)
-        body = self.within_lines + self.height_lines
-        body += [f"n{a} = {push}" for a, push in self.pushes.items()]
-        body += [f"n{end}{a} = {push}" for end, pushes in self.shifts.items() for a, push in pushes.items()]
-        body += [f"xs{a} = x{a}{self.shift(a, 'a')}" for a in states]
-        body += self.start
-        body += [f"p{a} = x{a} + dt * {self.start_rates[a]}{self.noise(a)}{self.shift(a, 'b')}" for a in states]
-        body += self.end
-        body += [f"m{a} = x{a} + half * ({self.start_rates[a]} + {self.end_rates[a]}){self.noise(a)}" for a in states]
+        body = self.within_lines + self.height_lines + self.rule.pushes()
+        body += self.taken_first("xs", "x") + self.start + self.taken_last("p", "x", self.start_rates) + self.end
+        body += [f"m{a} = {m}" for a, m in enumerate(self.rule.corrected("x", self.start_rates, self.end_rates))]
         for rider in self.riders:
             body += rider.lines(layout)
-        body += [f"{layout.state(a)} = m{a}" for a in states]
+        body += [f"{layout.state(a)} = m{a}" for a in range(self.states)]
         used = {word for line in body for word in _words(line)}
-        lines = [f"x{a} = {layout.old_state(a)}" for a in states]
+        lines = [f"x{a} = {layout.old_state(a)}" for a in range(self.states)]
         names = {f"{k}": row for k, row in enumerate(self.places)} | {f"i{row}": row for row in self.carried}
         for end, node in (("u", "a"), ("v", "b")):
             lines += [f"{end}{k} = {layout.ground(row, node)}" for k, row in names.items() if f"{end}{k}" in used]
-        for j in range(self.noises):
-            row = self.noise_row + j
-            lines.append(f"w{j} = {layout.ground(row, 'b')} - {layout.ground(row, 'a')}")
-        return lines + body
+
+        def noise(j: int, node: str) -> str:
+            return layout.ground(self.noise_row + j, node)
+
+        return lines + [self.rule.noise_line(j, noise) for j in range(self.rule.noises)] + body
 
 
 def _words(line: str) -> set[str]:

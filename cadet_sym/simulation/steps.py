@@ -11,21 +11,19 @@ import numpy as np
 
 from cadet_sym.simulation.control import Reference, controlled_step, reference_of
 from cadet_sym.simulation.plan import Problem
+from cadet_sym.simulation.rates import SHORTEST
 from cadet_sym.simulation.statistics import Moments, StepError, step_error_of
 from cadet_sym.simulation.workers import records_in_parts, records_of
 
 __all__ = ["Chosen", "Precision", "choose_step"]
 
 _PAIRS = (256, 4096)  # least and most paths that are computed with a step and with half of it: else an eighth
-_VEHICLE, _GROUND = 0.05, 0.3  # first choice: step times the fastest rate of each
-_LEAST = 64  # steps of a run
 _PART = 0.5  # of the sampling error: what the step's error may be
 _TRIALS = 8
 _HOPELESS = 1.4  # halving the step must shrink its error by this much, else pairs of paths do not stay together
 _STANDS_OUT = 4.0  # standard errors by which a step's error must differ from none to count as seen
 _RUNAWAY = 300.0  # times the deviation that one path in ten exceeds
 _TOGETHER = 0.5  # of its distance from the others: how far apart the two of a pair may be
-_SHORTEST = 1e-7  # of the run
 _FLOOR = 1e-4  # of a quantity's own size: an error that is not looked into, however many paths there are
 _WORTH = 2.0  # times fewer paths, for the quantity that gains most: with less the twin costs more time than it saves
 _RUN_IN = 7.0  # time constants of the slowest mode
@@ -80,9 +78,9 @@ def choose_step(
     the first of them also tell whether the twin is worth its time.
     """
     whole = problem.system.model.initial.whole
-    before = 0.0 if not whole else problem.relaxation_time(_RUN_IN) if run_in is None else float(run_in)
+    before = 0.0 if not whole else problem.rates.relaxation_time(_RUN_IN) if run_in is None else float(run_in)
     fixed = step is not None
-    step = step if step is not None else first_step(problem)
+    step = step if step is not None else problem.first_step
     if not check:
         return Chosen(step, before)
     pairs = precision.pairs(precision.paths)
@@ -97,7 +95,7 @@ def choose_step(
             return Chosen(last.step, before, worth=False)
         no_better = len(trials) > 1 and last.is_no_better_than(trials[-2])
         enough = last.excess <= 1.0 or fixed or len(trials) == _TRIALS
-        if enough or no_better or last.step < _SHORTEST * problem.times[-1]:
+        if enough or no_better or last.step < SHORTEST * problem.times[-1]:
             break
         # The error falls with the first or second power of the step.
         more, shorter = precision.pairs(last.needed), min(8.0, max(2.0, last.excess**0.75))
@@ -148,6 +146,10 @@ def _try(problem: Problem, step: float, before: float, engine: str, seed: int, p
     with np.errstate(divide="ignore", invalid="ignore"):
         needed = float(np.nanmax(np.where(sampling > 0.0, spread / sampling, 0.0), initial=0.0)) ** 2
     excess, bias = _excess(problem, error, moments, _PART * sampling)
+    # A twin whose moments the step falsifies is not used in the end: keep its means within two of their standard errors.
+    moved = max((float(tally.drift(records[1], records[0]).max()) for tally in reference.controls), default=0.0)
+    moved *= 0.5 * math.sqrt(max(needed, precision.paths))
+    excess, bias = max(excess, moved), max(bias, moved)
     return _Trial(float(grid.step.max()), error, reference, excess, bias, needed)
 
 
@@ -169,15 +171,6 @@ def _compile(problem: Problem, step: float, before: float, engine: str) -> float
     began = perf_counter()
     records_of(problem.plan(step, before, paired=True)[0], engine, seed=0, first=0, count=1)
     return perf_counter() - began
-
-
-def first_step(problem: Problem) -> float:
-    """Step from the fastest rates: h = min(0.05 / vehicle's, 0.1 / ground's, a sixty-fourth of the run)."""
-    limits = [problem.times[-1] / _LEAST]
-    for part, rate in ((_VEHICLE, problem.rate_scale()), (_GROUND, problem.ground_scale())):
-        if rate > 0.0:
-            limits.append(part / rate)
-    return max(min(limits), 10.0 * _SHORTEST * problem.times[-1])
 
 
 def _excess(problem: Problem, error: StepError, moments: Moments, allowed: np.ndarray) -> tuple[float, float]:

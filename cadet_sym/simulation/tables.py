@@ -31,7 +31,9 @@ class GroundTables(NamedTuple):
     has_mean: bool
     mean: np.ndarray  # (time nodes, rows of all copies): what the ground's own forcing adds, or empty
     noises: int  # noises in time: the last rows of a time node
-    root_step: np.ndarray  # (steps,): square root of each step's duration
+    root_step: np.ndarray  # (steps,): square root of each step's duration, by which sums of unit noises grow
+    mix: np.ndarray  # (laws, noises, noises): else the rows are those of a step alone, lower triangular times deviates
+    mix_of: np.ndarray  # (steps,) int: the law of every step
 
 
 class StartTables(NamedTuple):
@@ -49,7 +51,7 @@ class StepTables(NamedTuple):
 
     S: np.ndarray  # (steps, coefficients): just after the start of the step
     E: np.ndarray  # (steps, coefficients): just before its end
-    K: np.ndarray  # (steps, columns): factors of kicks and noises in the mean, changes of those of kicks, `within_tables`
+    K: np.ndarray  # (steps, columns): those of the rule (see `rules`), then those of `within_tables`
     H: np.ndarray  # (steps,): duration
     q: np.ndarray  # constants
     T: np.ndarray  # tables of measured curves
