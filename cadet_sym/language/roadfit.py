@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +14,7 @@ from cadet_sym.language.names import exact
 
 _LINES = 32  # points on the logarithmic axis that a spectrum is averaged to
 _LEAST = 64  # rows of a profile
-_DIGITS = 10  # of fitted numbers: enough for any road, few enough to be the same everywhere
+_DIGITS = 6  # of fitted numbers: enough for any road, few enough to be the same whatever a machine's rounding is
 _DAMPING = (0.02, 20.0)
 
 
@@ -144,14 +145,34 @@ def _fit(kappa: np.ndarray, density: np.ndarray, weight: np.ndarray, order: int)
         start = shape.start(low, high, share)
         start[-1] += np.mean(target - shape.log_density(start, kappa))
         bounds = shape.bounds(low, high)
-        found = least_squares(residual, np.clip(start, *bounds), bounds=bounds, x_scale="jac")
-        if best is None or found.cost < best.cost * (1 - 1e-9):
+        found = least_squares(residual, np.clip(start, *bounds), bounds=bounds, x_scale="jac", jac="cs")
+        if best is None or found.cost < best.cost * (1 - 1e-6):
             best = found
     assert best is not None
-    zeros, poles, gain = shape.roots(best.x)
-    fitted = np.exp(shape.log_density(best.x, kappa))
+    theta = _settled(residual, best.x, best.active_mask == 0)
+    zeros, poles, gain = shape.roots(theta)
+    fitted = np.exp(shape.log_density(shape.written(theta), kappa))
     error = float(np.sqrt(np.mean(np.log10(fitted / density) ** 2)))
     return RoadFit(kappa, density, fitted, sections(zeros, poles, gain), order, error)
+
+
+def _settled(residual: Callable[[np.ndarray], np.ndarray], theta: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """Where Newton steps come to rest: sums of squares are flat there and tell places apart to eight digits only."""
+    axes = np.eye(theta.size)[free]
+
+    def gradient(at: np.ndarray) -> np.ndarray:
+        slopes = np.imag([residual(at + 1e-30j * axis) for axis in axes]) * 1e30
+        return slopes @ residual(at)
+
+    before = 1e-2
+    for _ in range(20):
+        curvature = np.array([gradient(theta + 1e-5 * axis) - gradient(theta - 1e-5 * axis) for axis in axes]) / 2e-5
+        step = np.linalg.lstsq(curvature, -gradient(theta))[0] @ axes
+        size = float(np.abs(step).max(initial=0.0))
+        if not 0 < size < before:
+            break
+        theta, before = theta + step, size
+    return theta
 
 
 def _beyond(kappa: np.ndarray, density: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -186,7 +207,7 @@ class _Shape:
     def log_density(self, theta: np.ndarray, kappa: np.ndarray) -> np.ndarray:
         """Logarithm of G = |H|^2 / pi."""
         poles, zeros = self._groups(theta)
-        total = np.full_like(kappa, theta[-1])
+        total = np.full(kappa.shape, theta[-1])
         for sign, groups in ((1, zeros), (-1, poles)):
             for group in groups:
                 q = np.exp(group[0])
@@ -222,6 +243,12 @@ class _Shape:
             for groups in self._groups(theta)
         )
         return zeros, poles, _rounded((theta[-1] + np.log(np.pi)) / 2)
+
+    def written(self, theta: np.ndarray) -> np.ndarray:
+        """The unknowns to the digits that `roots` gives."""
+        numbers = [*theta[:-1], (theta[-1] + np.log(np.pi)) / 2]
+        rounded = np.log([float(_rounded(number)) for number in numbers])
+        return np.append(rounded[:-1], 2 * rounded[-1] - np.log(np.pi))
 
 
 def _rounded(logarithm: float) -> Any:
