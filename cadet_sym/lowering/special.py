@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import cache
 
 import casadi as ca
@@ -86,11 +87,21 @@ def _mills_function() -> ca.Function:
     """Made once: a call is put in line at a fraction of the cost of building the polynomial anew."""
     x = ca.SX.sym("x")
     t = MILLS_SCALE / (MILLS_SCALE + x)
-    y = 2 * t - 1
-    total = ca.SX(MILLS[-1])
-    for coefficient in reversed(MILLS[:-1]):
-        total = total * y + coefficient
-    return ca.Function("mills", [x], [t * total])
+    return ca.Function("mills", [x], [t * _polynomial(MILLS, 2 * t - 1)])
+
+
+def _polynomial(coefficients: Sequence[float], y: ca.SX) -> ca.SX:
+    """Horner's rule in y^4 for every fourth power: four chains that a processor computes side by side."""
+    square = y * y
+    fourth = square * square
+    chains = []
+    for start in range(4):
+        own = coefficients[start::4]
+        total = ca.SX(own[-1])
+        for coefficient in reversed(own[:-1]):
+            total = total * fourth + coefficient
+        chains.append(total)
+    return (chains[0] + y * chains[1]) + square * (chains[2] + y * chains[3])
 
 
 def upper_tail(x: ca.SX) -> ca.SX:
