@@ -189,6 +189,8 @@ class Library:
             "steady": int(self.steady),
             "gaps": len(self.ground.gaps),
             "real": "ground" if self.ground.gaps else "real",
+            "settling": len(self.functions.settling),
+            "filter": rows(f"{{{each.place}, {each.row}, {each.column}}}" for each in self.functions.settling),
         }
         for template in TEMPLATES:
             found[f"{name}_{template}.c"] = self.filled(f"{template}.c", choices)
@@ -256,6 +258,7 @@ class Library:
             "output_operations": self.programs["outputs"].operations,
             "initial_note": self._initial_note,
             "steady": int(self.steady),
+            "explicit": int(bool(self.lowered.facts.explicit)),
             "factors": self._factors(),
             "squares": "@P@_STATES * @P@_STATES" if self.ground.gaps else "@P@_SIZE * @P@_SIZE",
             "state_enum": _enumeration(f"{upper}_STATE_", "states", self.states),

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import casadi as ca
+import numpy as np
+import numpy.typing as npt
 
 from cadet_sym.delay import TrackDelay
 from cadet_sym.lowering.functions import MomentFunctions
@@ -20,7 +22,7 @@ from cadet_sym.lowering.initial import filter_matrices, vehicle_start
 from cadet_sym.lowering.switches import switch_functions
 from cadet_sym.lowering.system import LoweredSystem
 
-__all__ = ["PortableFunctions", "StartParts", "portable"]
+__all__ = ["PortableFunctions", "Settling", "StartParts", "portable"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +47,16 @@ class PortableFunctions:
     parts_pattern: ca.Sparsity  # of the Jacobian of the parts
     gain: ca.Sparsity  # of N among the parts; empty without wheels that follow each other
     start_parts: StartParts
+    settling: tuple[Settling, ...]  # moments that stay as they are once they are stationary
+
+
+@dataclass(frozen=True)
+class Settling:
+    """One moment of the ground's own filters that nothing moves but the distance, the same everywhere."""
+
+    place: int  # in y
+    row: int  # the states it belongs to; of a mean both are the same
+    column: int
 
 
 @dataclass(frozen=True)
@@ -91,7 +103,27 @@ def portable(functions: MomentFunctions) -> PortableFunctions:
         parts_pattern=patterns[1] if packing.ground else ca.Sparsity(0, packing.size),
         gain=gain,
         start_parts=start_parts,
+        settling=_settling(lowered, held[0], y, ca.vertcat(t, s)),
     )
+
+
+def _settling(lowered: LoweredSystem, held: ca.SX, y: ca.SX, explicit: ca.SX) -> tuple[Settling, ...]:
+    """Moments of the filters whose rates are V times a function of such moments alone: the larger V, the stiffer."""
+    packing, vehicle = lowered.equations.packing, lowered.equations.quasi_linear.system.vehicle_size
+    if packing.ground:
+        return ()
+    rows, columns = (np.concatenate([range(packing.n), part]) for part in packing.triangle)
+    chosen = columns >= vehicle
+    moved = _dependence(held, explicit)[: packing.moments].any(axis=1)
+    by = _dependence(held, y)[: packing.moments]
+    chosen &= ~moved
+    while (outside := chosen & by[:, ~np.pad(chosen, (0, packing.size - packing.moments))].any(axis=1)).any():
+        chosen &= ~outside
+    return tuple(Settling(int(k), int(rows[k]), int(columns[k])) for k in np.flatnonzero(chosen))
+
+
+def _dependence(results: ca.SX, arguments: ca.SX) -> npt.NDArray[np.bool_]:
+    return np.asarray(ca.DM(ca.jacobian_sparsity(results, arguments), 1)).astype(bool)
 
 
 def _parts(function: ca.Function, arguments: Sequence[ca.SX]) -> tuple[list[ca.SX], ca.Sparsity]:

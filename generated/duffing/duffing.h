@@ -149,6 +149,7 @@ typedef struct {
     duffing_real size[DUFFING_SIZE];
     duffing_real stages[7][DUFFING_SIZE];
     duffing_real trial[DUFFING_SIZE];
+    int settled; /* moments of the ground's filters that stay as they are */
     int fresh; /* stages[0] holds the rate at (t, y) */
 } duffing_run;
 
@@ -175,7 +176,7 @@ typedef struct {
 
 typedef struct {
     duffing_real speed;    /* held constant; of no meaning without ground */
-    duffing_real t, s;     /* instant and place at which explicit dependence is frozen */
+    duffing_real t, s;     /* instant and place at which explicit dependence is frozen (default 0) */
     int most_steps;    /* of each method (default 200) */
     duffing_real residual; /* of the moment equations over the size of their own terms */
     int steps;
@@ -185,6 +186,9 @@ typedef struct {
 } duffing_stationary_problem;
 
 void duffing_stationary_begin(duffing_stationary_problem *problem, duffing_real speed, duffing_stationary_work *work);
+
+/* 1: rates depend on t or s, so that nothing is stationary but with both frozen. */
+enum { DUFFING_EXPLICIT = 0 };
 
 /* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none. */
 duffing_status duffing_stationary(duffing_stationary_problem *problem, const duffing_real *p, duffing_real *y);

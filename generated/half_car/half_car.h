@@ -177,6 +177,7 @@ typedef struct {
     half_car_real size[HALF_CAR_SIZE];
     half_car_real stages[7][HALF_CAR_SIZE];
     half_car_real trial[HALF_CAR_SIZE];
+    int settled; /* moments of the ground's filters that stay as they are */
     int fresh; /* stages[0] holds the rate at (t, y) */
 } half_car_run;
 
@@ -203,7 +204,7 @@ typedef struct {
 
 typedef struct {
     half_car_real speed;    /* held constant; of no meaning without ground */
-    half_car_real t, s;     /* instant and place at which explicit dependence is frozen */
+    half_car_real t, s;     /* instant and place at which explicit dependence is frozen (default 0) */
     int most_steps;    /* of each method (default 200) */
     half_car_real residual; /* of the moment equations over the size of their own terms */
     int steps;
@@ -213,6 +214,9 @@ typedef struct {
 } half_car_stationary_problem;
 
 void half_car_stationary_begin(half_car_stationary_problem *problem, half_car_real speed, half_car_stationary_work *work);
+
+/* 1: rates depend on t or s, so that nothing is stationary but with both frozen. */
+enum { HALF_CAR_EXPLICIT = 0 };
 
 /* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none. */
 half_car_status half_car_stationary(half_car_stationary_problem *problem, const half_car_real *p, half_car_real *y);

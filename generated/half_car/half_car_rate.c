@@ -1188,11 +1188,11 @@ void half_car_rate_parts(R t, const R *restrict y, const R *restrict p, R *restr
     const R a1182 = K(1.28) * p[10];
     const R a1183 = a1182 * p[11];
     const R a1184 = K(9.869604401089358) * a1183;
-    const R a1185 = a1181 + a1184;
-    const R a1186 = y[281] * a297;
-    const R a1187 = K(16.0) * a1186;
-    const R a1188 = p[11] * a1187;
-    const R a1189 = a1185 + a1188;
+    const R a1185 = y[281] * a297;
+    const R a1186 = K(16.0) * a1185;
+    const R a1187 = p[11] * a1186;
+    const R a1188 = a1184 + a1187;
+    const R a1189 = a1181 + a1188;
     dy[89] = a1189;
     const R a1191 = -a153;
     parts[0] = a1191;

@@ -14,7 +14,7 @@ static R parameters[PARAMETERS], breakpoints[ROOM];
 
 static const char usage[] =
     "usage: measured_road [--duration T] [--points N] [--rtol R] [--stiff | --fixed STEPS] [--set NAME=VALUE]...\n"
-    "       measured_road --stationary SPEED [--set NAME=VALUE]...\n"
+    "       measured_road --stationary SPEED [--at T] [--set NAME=VALUE]...\n"
     "       measured_road --cost\n";
 
 static int fail(const char *text)
@@ -69,12 +69,19 @@ static int set(const char *text)
     return 0;
 }
 
-static int stationary(R speed)
+static int stationary(R speed, const char *at)
 {
     static R y[MEASURED_ROAD_SIZE];
-    R mean[OUTPUTS], variance[OUTPUTS];
+    R mean[OUTPUTS], variance[OUTPUTS], motion[4];
     measured_road_stationary_problem problem;
+    if (MEASURED_ROAD_EXPLICIT && !at)
+        return fail("a rate depends on the time or the distance, so that nothing is stationary: freeze it with --at T");
     measured_road_stationary_begin(&problem, speed, &work);
+    problem.t = at ? (R)atof(at) : (R)0;
+    measured_road_motion(problem.t, parameters, motion);
+    if (MEASURED_ROAD_EXPLICIT && MEASURED_ROAD_DISTANCE && problem.t != (R)0)
+        return fail("the distance at a later time is known only by integration: freeze with --at 0");
+    problem.s = MEASURED_ROAD_DISTANCE ? motion[3] : motion[2];
     const measured_road_status status = measured_road_stationary(&problem, parameters, y);
     if (status != MEASURED_ROAD_OK) {
         fprintf(stderr, "measured_road: %s\n", measured_road_status_text(status));
@@ -139,7 +146,7 @@ int main(int count, char **words)
     R duration = measured_road_duration, rtol = (R)(sizeof(R) > 4 ? 1e-8 : 1e-4);
     int points = measured_road_points, is_stiff = 0;
     long steps = 0;
-    const char *speed = 0;
+    const char *speed = 0, *at = 0;
     for (int i = 0; i < MEASURED_ROAD_PARAMETERS; i++)
         parameters[i] = measured_road_default_parameters[i];
     for (int k = 1; k < count; k++) {
@@ -165,6 +172,8 @@ int main(int count, char **words)
             steps = atol(value);
         else if (!strcmp(words[k], "--stationary"))
             speed = value;
+        else if (!strcmp(words[k], "--at"))
+            at = value;
         else if (strcmp(words[k], "--set") || !set(value))
             return fail("wrong arguments");
         k++;
@@ -172,6 +181,6 @@ int main(int count, char **words)
     if (!(duration >= (R)0) || points < 1 || !(rtol > (R)0) || steps < 0)
         return fail("wrong arguments");
     if (speed)
-        return stationary((R)atof(speed));
+        return stationary((R)atof(speed), at);
     return steps > 0 ? fixed(duration, steps, points) : propagate(duration, points, rtol, is_stiff);
 }

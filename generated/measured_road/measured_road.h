@@ -35,14 +35,14 @@ enum {
 };
 
 /* Operations of one evaluation; they do not depend on the data.
- * rate: 288 additions, 76 comparisons, 37 divisions, 2 function calls, 334 multiplications, 1 square roots
- * jacobian: 830 additions, 319 comparisons, 102 divisions, 2 function calls, 1088 multiplications, 1 square
+ * rate: 288 additions, 76 comparisons, 37 divisions, 2 function calls, 338 multiplications, 1 square roots
+ * jacobian: 834 additions, 319 comparisons, 102 divisions, 2 function calls, 1082 multiplications, 1 square
  *   roots
- * outputs: 632 additions, 285 comparisons, 39 divisions, 8 function calls, 904 multiplications, 4 square roots
+ * outputs: 632 additions, 285 comparisons, 39 divisions, 8 function calls, 920 multiplications, 4 square roots
  */
 enum {
-    MEASURED_ROAD_RATE_OPERATIONS = 738,
-    MEASURED_ROAD_OUTPUT_OPERATIONS = 1872
+    MEASURED_ROAD_RATE_OPERATIONS = 742,
+    MEASURED_ROAD_OUTPUT_OPERATIONS = 1888
 };
 
 enum { /* states */
@@ -163,6 +163,7 @@ typedef struct {
     measured_road_real size[MEASURED_ROAD_SIZE];
     measured_road_real stages[7][MEASURED_ROAD_SIZE];
     measured_road_real trial[MEASURED_ROAD_SIZE];
+    int settled; /* moments of the ground's filters that stay as they are */
     int fresh; /* stages[0] holds the rate at (t, y) */
 } measured_road_run;
 
@@ -189,7 +190,7 @@ typedef struct {
 
 typedef struct {
     measured_road_real speed;    /* held constant; of no meaning without ground */
-    measured_road_real t, s;     /* instant and place at which explicit dependence is frozen */
+    measured_road_real t, s;     /* instant and place at which explicit dependence is frozen (default 0) */
     int most_steps;    /* of each method (default 200) */
     measured_road_real residual; /* of the moment equations over the size of their own terms */
     int steps;
@@ -199,6 +200,9 @@ typedef struct {
 } measured_road_stationary_problem;
 
 void measured_road_stationary_begin(measured_road_stationary_problem *problem, measured_road_real speed, measured_road_stationary_work *work);
+
+/* 1: rates depend on t or s, so that nothing is stationary but with both frozen. */
+enum { MEASURED_ROAD_EXPLICIT = 0 };
 
 /* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none. */
 measured_road_status measured_road_stationary(measured_road_stationary_problem *problem, const measured_road_real *p, measured_road_real *y);

@@ -35,13 +35,13 @@ enum {
 };
 
 /* Operations of one evaluation; they do not depend on the data.
- * rate: 85 additions, 38 comparisons, 4 divisions, 1 function calls, 100 multiplications, 1 square roots
- * jacobian: 152 additions, 72 comparisons, 12 divisions, 1 function calls, 202 multiplications, 1 square roots
- * outputs: 99 additions, 70 comparisons, 8 divisions, 2 function calls, 90 multiplications, 2 square roots
+ * rate: 85 additions, 38 comparisons, 4 divisions, 1 function calls, 102 multiplications, 1 square roots
+ * jacobian: 154 additions, 72 comparisons, 12 divisions, 1 function calls, 202 multiplications, 1 square roots
+ * outputs: 99 additions, 70 comparisons, 8 divisions, 2 function calls, 94 multiplications, 2 square roots
  */
 enum {
-    OLEO_CONSTANT_SPEED_RATE_OPERATIONS = 229,
-    OLEO_CONSTANT_SPEED_OUTPUT_OPERATIONS = 271
+    OLEO_CONSTANT_SPEED_RATE_OPERATIONS = 231,
+    OLEO_CONSTANT_SPEED_OUTPUT_OPERATIONS = 275
 };
 
 enum { /* states */
@@ -153,6 +153,7 @@ typedef struct {
     oleo_constant_speed_real size[OLEO_CONSTANT_SPEED_SIZE];
     oleo_constant_speed_real stages[7][OLEO_CONSTANT_SPEED_SIZE];
     oleo_constant_speed_real trial[OLEO_CONSTANT_SPEED_SIZE];
+    int settled; /* moments of the ground's filters that stay as they are */
     int fresh; /* stages[0] holds the rate at (t, y) */
 } oleo_constant_speed_run;
 
@@ -179,7 +180,7 @@ typedef struct {
 
 typedef struct {
     oleo_constant_speed_real speed;    /* held constant; of no meaning without ground */
-    oleo_constant_speed_real t, s;     /* instant and place at which explicit dependence is frozen */
+    oleo_constant_speed_real t, s;     /* instant and place at which explicit dependence is frozen (default 0) */
     int most_steps;    /* of each method (default 200) */
     oleo_constant_speed_real residual; /* of the moment equations over the size of their own terms */
     int steps;
@@ -189,6 +190,9 @@ typedef struct {
 } oleo_constant_speed_stationary_problem;
 
 void oleo_constant_speed_stationary_begin(oleo_constant_speed_stationary_problem *problem, oleo_constant_speed_real speed, oleo_constant_speed_stationary_work *work);
+
+/* 1: rates depend on t or s, so that nothing is stationary but with both frozen. */
+enum { OLEO_CONSTANT_SPEED_EXPLICIT = 0 };
 
 /* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none. */
 oleo_constant_speed_status oleo_constant_speed_stationary(oleo_constant_speed_stationary_problem *problem, const oleo_constant_speed_real *p, oleo_constant_speed_real *y);

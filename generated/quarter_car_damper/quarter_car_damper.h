@@ -35,15 +35,15 @@ enum {
 };
 
 /* Operations of one evaluation; they do not depend on the data.
- * rate: 347 additions, 196 comparisons, 41 divisions, 6 function calls, 299 multiplications, 1 square roots
- * jacobian: 1612 additions, 782 comparisons, 182 divisions, 6 function calls, 2283 multiplications, 1 square
+ * rate: 347 additions, 196 comparisons, 41 divisions, 6 function calls, 311 multiplications, 1 square roots
+ * jacobian: 1624 additions, 782 comparisons, 182 divisions, 6 function calls, 2265 multiplications, 1 square
  *   roots
- * outputs: 1345 additions, 728 comparisons, 104 divisions, 24 function calls, 1404 multiplications, 4 square
+ * outputs: 1345 additions, 728 comparisons, 104 divisions, 24 function calls, 1452 multiplications, 4 square
  *   roots
  */
 enum {
-    QUARTER_CAR_DAMPER_RATE_OPERATIONS = 890,
-    QUARTER_CAR_DAMPER_OUTPUT_OPERATIONS = 3609
+    QUARTER_CAR_DAMPER_RATE_OPERATIONS = 902,
+    QUARTER_CAR_DAMPER_OUTPUT_OPERATIONS = 3657
 };
 
 enum { /* states */
@@ -163,6 +163,7 @@ typedef struct {
     quarter_car_damper_real size[QUARTER_CAR_DAMPER_SIZE];
     quarter_car_damper_real stages[7][QUARTER_CAR_DAMPER_SIZE];
     quarter_car_damper_real trial[QUARTER_CAR_DAMPER_SIZE];
+    int settled; /* moments of the ground's filters that stay as they are */
     int fresh; /* stages[0] holds the rate at (t, y) */
 } quarter_car_damper_run;
 
@@ -189,7 +190,7 @@ typedef struct {
 
 typedef struct {
     quarter_car_damper_real speed;    /* held constant; of no meaning without ground */
-    quarter_car_damper_real t, s;     /* instant and place at which explicit dependence is frozen */
+    quarter_car_damper_real t, s;     /* instant and place at which explicit dependence is frozen (default 0) */
     int most_steps;    /* of each method (default 200) */
     quarter_car_damper_real residual; /* of the moment equations over the size of their own terms */
     int steps;
@@ -199,6 +200,9 @@ typedef struct {
 } quarter_car_damper_stationary_problem;
 
 void quarter_car_damper_stationary_begin(quarter_car_damper_stationary_problem *problem, quarter_car_damper_real speed, quarter_car_damper_stationary_work *work);
+
+/* 1: rates depend on t or s, so that nothing is stationary but with both frozen. */
+enum { QUARTER_CAR_DAMPER_EXPLICIT = 0 };
 
 /* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none. */
 quarter_car_damper_status quarter_car_damper_stationary(quarter_car_damper_stationary_problem *problem, const quarter_car_damper_real *p, quarter_car_damper_real *y);

@@ -15,6 +15,7 @@ void quarter_car_damper_begin(quarter_car_damper_run *run, R t, const R *y)
     run->t = t;
     run->step = K(0.0);
     run->steps = run->refused = run->rates = 0;
+    run->settled = 0;
     run->fresh = 0;
     for (int i = 0; i < SIZE; i++) {
         run->y[i] = y[i];
@@ -58,6 +59,44 @@ static R tolerance(const quarter_car_damper_run *run, int i, R before, R after)
     return run->rtol * ((a > b ? a : b) + run->floor * run->size[i]) + M(sqrt)(SMALLEST);
 }
 
+#if 2 > 0
+/* Moments of the ground's own filters, which nothing but the distance moves: places in y, and the states of each (a
+ * mean has its own twice). */
+static const struct { int place, i, j; } filter[] = {
+    {4, 4, 4}, {19, 4, 4}
+};
+
+/* Whether they are stationary: then they stay so, however fast the vehicle goes, and set no limit to the step. */
+static void settle(quarter_car_damper_run *run, const R *p)
+{
+    R rate[SIZE], forcing[SIZE], still[SIZE], fastest = K(0.0), largest = K(0.0);
+    for (int i = 0; i < SIZE; i++)
+        still[i] = run->y[i];
+    for (int k = 0; k < 2; k++)
+        still[filter[k].place] = K(0.0);
+    quarter_car_damper_held_rate(run->t, K(0.0), K(1.0), run->y, p, rate);
+    quarter_car_damper_held_rate(run->t, K(0.0), K(1.0), still, p, forcing);
+    for (int k = 0; k < 2; k++) {
+        const R a = run->y[quarter_car_damper_covariance(filter[k].i, filter[k].i)], b = run->y[quarter_car_damper_covariance(filter[k].j, filter[k].j)];
+        const R size = a > K(0.0) && b > K(0.0) ? M(sqrt)(a) * M(sqrt)(b) : K(0.0);
+        fastest = M(fmax)(fastest, M(fabs)(forcing[filter[k].place]) / (size + SMALLEST));
+        largest = M(fmax)(largest, M(fabs)(rate[filter[k].place]) / (size + SMALLEST));
+    }
+    run->settled = largest <= K(1e3) * ROUNDING * fastest ? 2 : 0;
+}
+#endif
+
+/* The rate, but for what is settled. */
+static void moving_rate(quarter_car_damper_run *run, R t, const R *y, const R *p, R *dy)
+{
+    quarter_car_damper_rate(t, y, p, dy);
+    run->rates++;
+#if 2 > 0
+    for (int k = 0; k < run->settled; k++)
+        dy[filter[k].place] = K(0.0);
+#endif
+}
+
 /* Dormand & Prince, J. Comput. Appl. Math. 6, 19 (1980), 5(4); the last stage is the next step's first. */
 static R explicit_step(quarter_car_damper_run *run, const R *p, R h, R last)
 {
@@ -67,34 +106,32 @@ static R explicit_step(quarter_car_damper_run *run, const R *p, R h, R last)
     const R t = run->t;
     R sum = K(0.0);
     if (!run->fresh) {
-        quarter_car_damper_rate(t, y, p, k[0]);
-        run->rates++;
+        moving_rate(run, t, y, p, k[0]);
         run->fresh = 1;
     }
     for (int i = 0; i < SIZE; i++)
         next[i] = y[i] + h * (K(1.0) / K(5.0)) * k[0][i];
-    quarter_car_damper_rate(t + h * (K(1.0) / K(5.0)), next, p, k[1]);
+    moving_rate(run, t + h * (K(1.0) / K(5.0)), next, p, k[1]);
     for (int i = 0; i < SIZE; i++)
         next[i] = y[i] + h * (K(3.0) / K(40.0) * k[0][i] + K(9.0) / K(40.0) * k[1][i]);
-    quarter_car_damper_rate(t + h * (K(3.0) / K(10.0)), next, p, k[2]);
+    moving_rate(run, t + h * (K(3.0) / K(10.0)), next, p, k[2]);
     for (int i = 0; i < SIZE; i++)
         next[i] = y[i] + h * (K(44.0) / K(45.0) * k[0][i] - K(56.0) / K(15.0) * k[1][i] + K(32.0) / K(9.0) * k[2][i]);
-    quarter_car_damper_rate(t + h * (K(4.0) / K(5.0)), next, p, k[3]);
+    moving_rate(run, t + h * (K(4.0) / K(5.0)), next, p, k[3]);
     for (int i = 0; i < SIZE; i++)
         next[i] = y[i] + h * (K(19372.0) / K(6561.0) * k[0][i] - K(25360.0) / K(2187.0) * k[1][i]
                               + K(64448.0) / K(6561.0) * k[2][i] - K(212.0) / K(729.0) * k[3][i]);
-    quarter_car_damper_rate(t + h * (K(8.0) / K(9.0)), next, p, k[4]);
+    moving_rate(run, t + h * (K(8.0) / K(9.0)), next, p, k[4]);
     for (int i = 0; i < SIZE; i++)
         next[i] = y[i] + h * (K(9017.0) / K(3168.0) * k[0][i] - K(355.0) / K(33.0) * k[1][i]
                               + K(46732.0) / K(5247.0) * k[2][i] + K(49.0) / K(176.0) * k[3][i]
                               - K(5103.0) / K(18656.0) * k[4][i]);
-    quarter_car_damper_rate(last, next, p, k[5]);
+    moving_rate(run, last, next, p, k[5]);
     for (int i = 0; i < SIZE; i++)
         next[i] = y[i] + h * (K(35.0) / K(384.0) * k[0][i] + K(500.0) / K(1113.0) * k[2][i]
                               + K(125.0) / K(192.0) * k[3][i] - K(2187.0) / K(6784.0) * k[4][i]
                               + K(11.0) / K(84.0) * k[5][i]);
-    quarter_car_damper_rate(last, next, p, k[6]);
-    run->rates += 6;
+    moving_rate(run, last, next, p, k[6]);
     for (int i = 0; i < SIZE; i++) {
         const R error = h * (K(71.0) / K(57600.0) * k[0][i] - K(71.0) / K(16695.0) * k[2][i]
                              + K(71.0) / K(1920.0) * k[3][i] - K(17253.0) / K(339200.0) * k[4][i]
@@ -179,8 +216,7 @@ static R first_step(quarter_car_damper_run *run, const R *p, R length)
 /* Integrate across a stretch without breakpoints; `last` is the latest time at which the inputs are those before it. */
 static quarter_car_damper_status stretch(quarter_car_damper_run *run, const R *p, R until, R last, long *left)
 {
-    const int order = run->stiff ? 4 : 5;
-    const R exponent = K(-1.0) / (R)order;
+    const R exponent = K(-1.0) / (run->stiff ? K(4.0) : K(5.0));
     if (!(run->step > K(0.0)))
         run->step = first_step(run, p, until - run->t);
     while (run->t < until) {
@@ -234,6 +270,9 @@ quarter_car_damper_status quarter_car_damper_propagate(quarter_car_damper_run *r
 {
     long left = run->most_steps;
     measure(run);
+#if 2 > 0
+    settle(run, p);
+#endif
     for (int k = 0; run->breakpoints && k < run->breakpoint_count; k++) {
         const R edge = run->breakpoints[k];
         if (!(edge > run->t) || !(edge <= until))

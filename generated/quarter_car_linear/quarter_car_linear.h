@@ -158,6 +158,7 @@ typedef struct {
     quarter_car_linear_real size[QUARTER_CAR_LINEAR_SIZE];
     quarter_car_linear_real stages[7][QUARTER_CAR_LINEAR_SIZE];
     quarter_car_linear_real trial[QUARTER_CAR_LINEAR_SIZE];
+    int settled; /* moments of the ground's filters that stay as they are */
     int fresh; /* stages[0] holds the rate at (t, y) */
 } quarter_car_linear_run;
 
@@ -184,7 +185,7 @@ typedef struct {
 
 typedef struct {
     quarter_car_linear_real speed;    /* held constant; of no meaning without ground */
-    quarter_car_linear_real t, s;     /* instant and place at which explicit dependence is frozen */
+    quarter_car_linear_real t, s;     /* instant and place at which explicit dependence is frozen (default 0) */
     int most_steps;    /* of each method (default 200) */
     quarter_car_linear_real residual; /* of the moment equations over the size of their own terms */
     int steps;
@@ -194,6 +195,9 @@ typedef struct {
 } quarter_car_linear_stationary_problem;
 
 void quarter_car_linear_stationary_begin(quarter_car_linear_stationary_problem *problem, quarter_car_linear_real speed, quarter_car_linear_stationary_work *work);
+
+/* 1: rates depend on t or s, so that nothing is stationary but with both frozen. */
+enum { QUARTER_CAR_LINEAR_EXPLICIT = 0 };
 
 /* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none. */
 quarter_car_linear_status quarter_car_linear_stationary(quarter_car_linear_stationary_problem *problem, const quarter_car_linear_real *p, quarter_car_linear_real *y);

@@ -35,13 +35,13 @@ enum {
 };
 
 /* Operations of one evaluation; they do not depend on the data.
- * rate: 134 additions, 54 comparisons, 24 divisions, 3 function calls, 132 multiplications, 1 square roots
- * jacobian: 345 additions, 113 comparisons, 63 divisions, 1 function calls, 474 multiplications, 1 square roots
- * outputs: 116 additions, 69 comparisons, 12 divisions, 2 function calls, 90 multiplications, 2 square roots
+ * rate: 134 additions, 54 comparisons, 24 divisions, 3 function calls, 134 multiplications, 1 square roots
+ * jacobian: 347 additions, 113 comparisons, 63 divisions, 1 function calls, 471 multiplications, 1 square roots
+ * outputs: 116 additions, 69 comparisons, 12 divisions, 2 function calls, 94 multiplications, 2 square roots
  */
 enum {
-    ROAD_CLASS_CHANGE_RATE_OPERATIONS = 348,
-    ROAD_CLASS_CHANGE_OUTPUT_OPERATIONS = 291
+    ROAD_CLASS_CHANGE_RATE_OPERATIONS = 350,
+    ROAD_CLASS_CHANGE_OUTPUT_OPERATIONS = 295
 };
 
 enum { /* states */
@@ -165,6 +165,7 @@ typedef struct {
     road_class_change_real size[ROAD_CLASS_CHANGE_SIZE];
     road_class_change_real stages[7][ROAD_CLASS_CHANGE_SIZE];
     road_class_change_real trial[ROAD_CLASS_CHANGE_SIZE];
+    int settled; /* moments of the ground's filters that stay as they are */
     int fresh; /* stages[0] holds the rate at (t, y) */
 } road_class_change_run;
 
@@ -191,7 +192,7 @@ typedef struct {
 
 typedef struct {
     road_class_change_real speed;    /* held constant; of no meaning without ground */
-    road_class_change_real t, s;     /* instant and place at which explicit dependence is frozen */
+    road_class_change_real t, s;     /* instant and place at which explicit dependence is frozen (default 0) */
     int most_steps;    /* of each method (default 200) */
     road_class_change_real residual; /* of the moment equations over the size of their own terms */
     int steps;
@@ -201,6 +202,9 @@ typedef struct {
 } road_class_change_stationary_problem;
 
 void road_class_change_stationary_begin(road_class_change_stationary_problem *problem, road_class_change_real speed, road_class_change_stationary_work *work);
+
+/* 1: rates depend on t or s, so that nothing is stationary but with both frozen. */
+enum { ROAD_CLASS_CHANGE_EXPLICIT = 1 };
 
 /* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none. */
 road_class_change_status road_class_change_stationary(road_class_change_stationary_problem *problem, const road_class_change_real *p, road_class_change_real *y);

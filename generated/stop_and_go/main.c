@@ -14,7 +14,7 @@ static R parameters[PARAMETERS], breakpoints[ROOM];
 
 static const char usage[] =
     "usage: stop_and_go [--duration T] [--points N] [--rtol R] [--stiff | --fixed STEPS] [--set NAME=VALUE]...\n"
-    "       stop_and_go --stationary SPEED [--set NAME=VALUE]...\n"
+    "       stop_and_go --stationary SPEED [--at T] [--set NAME=VALUE]...\n"
     "       stop_and_go --cost\n";
 
 static int fail(const char *text)
@@ -69,12 +69,19 @@ static int set(const char *text)
     return 0;
 }
 
-static int stationary(R speed)
+static int stationary(R speed, const char *at)
 {
     static R y[STOP_AND_GO_SIZE];
-    R mean[OUTPUTS], variance[OUTPUTS];
+    R mean[OUTPUTS], variance[OUTPUTS], motion[4];
     stop_and_go_stationary_problem problem;
+    if (STOP_AND_GO_EXPLICIT && !at)
+        return fail("a rate depends on the time or the distance, so that nothing is stationary: freeze it with --at T");
     stop_and_go_stationary_begin(&problem, speed, &work);
+    problem.t = at ? (R)atof(at) : (R)0;
+    stop_and_go_motion(problem.t, parameters, motion);
+    if (STOP_AND_GO_EXPLICIT && STOP_AND_GO_DISTANCE && problem.t != (R)0)
+        return fail("the distance at a later time is known only by integration: freeze with --at 0");
+    problem.s = STOP_AND_GO_DISTANCE ? motion[3] : motion[2];
     const stop_and_go_status status = stop_and_go_stationary(&problem, parameters, y);
     if (status != STOP_AND_GO_OK) {
         fprintf(stderr, "stop_and_go: %s\n", stop_and_go_status_text(status));
@@ -139,7 +146,7 @@ int main(int count, char **words)
     R duration = stop_and_go_duration, rtol = (R)(sizeof(R) > 4 ? 1e-8 : 1e-4);
     int points = stop_and_go_points, is_stiff = 0;
     long steps = 0;
-    const char *speed = 0;
+    const char *speed = 0, *at = 0;
     for (int i = 0; i < STOP_AND_GO_PARAMETERS; i++)
         parameters[i] = stop_and_go_default_parameters[i];
     for (int k = 1; k < count; k++) {
@@ -165,6 +172,8 @@ int main(int count, char **words)
             steps = atol(value);
         else if (!strcmp(words[k], "--stationary"))
             speed = value;
+        else if (!strcmp(words[k], "--at"))
+            at = value;
         else if (strcmp(words[k], "--set") || !set(value))
             return fail("wrong arguments");
         k++;
@@ -172,6 +181,6 @@ int main(int count, char **words)
     if (!(duration >= (R)0) || points < 1 || !(rtol > (R)0) || steps < 0)
         return fail("wrong arguments");
     if (speed)
-        return stationary((R)atof(speed));
+        return stationary((R)atof(speed), at);
     return steps > 0 ? fixed(duration, steps, points) : propagate(duration, points, rtol, is_stiff);
 }

@@ -35,13 +35,13 @@ enum {
 };
 
 /* Operations of one evaluation; they do not depend on the data.
- * rate: 201 additions, 102 comparisons, 36 divisions, 2 function calls, 184 multiplications, 1 square roots
- * jacobian: 647 additions, 292 comparisons, 105 divisions, 2 function calls, 907 multiplications, 1 square roots
- * outputs: 251 additions, 170 comparisons, 23 divisions, 4 function calls, 182 multiplications, 2 square roots
+ * rate: 201 additions, 102 comparisons, 36 divisions, 2 function calls, 188 multiplications, 1 square roots
+ * jacobian: 651 additions, 292 comparisons, 105 divisions, 2 function calls, 901 multiplications, 1 square roots
+ * outputs: 251 additions, 170 comparisons, 23 divisions, 4 function calls, 190 multiplications, 2 square roots
  */
 enum {
-    STOP_AND_GO_RATE_OPERATIONS = 526,
-    STOP_AND_GO_OUTPUT_OPERATIONS = 632
+    STOP_AND_GO_RATE_OPERATIONS = 530,
+    STOP_AND_GO_OUTPUT_OPERATIONS = 640
 };
 
 enum { /* states */
@@ -161,6 +161,7 @@ typedef struct {
     stop_and_go_real size[STOP_AND_GO_SIZE];
     stop_and_go_real stages[7][STOP_AND_GO_SIZE];
     stop_and_go_real trial[STOP_AND_GO_SIZE];
+    int settled; /* moments of the ground's filters that stay as they are */
     int fresh; /* stages[0] holds the rate at (t, y) */
 } stop_and_go_run;
 
@@ -187,7 +188,7 @@ typedef struct {
 
 typedef struct {
     stop_and_go_real speed;    /* held constant; of no meaning without ground */
-    stop_and_go_real t, s;     /* instant and place at which explicit dependence is frozen */
+    stop_and_go_real t, s;     /* instant and place at which explicit dependence is frozen (default 0) */
     int most_steps;    /* of each method (default 200) */
     stop_and_go_real residual; /* of the moment equations over the size of their own terms */
     int steps;
@@ -197,6 +198,9 @@ typedef struct {
 } stop_and_go_stationary_problem;
 
 void stop_and_go_stationary_begin(stop_and_go_stationary_problem *problem, stop_and_go_real speed, stop_and_go_stationary_work *work);
+
+/* 1: rates depend on t or s, so that nothing is stationary but with both frozen. */
+enum { STOP_AND_GO_EXPLICIT = 0 };
 
 /* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none. */
 stop_and_go_status stop_and_go_stationary(stop_and_go_stationary_problem *problem, const stop_and_go_real *p, stop_and_go_real *y);

@@ -147,6 +147,7 @@ typedef struct {
     van_der_pol_real size[VAN_DER_POL_SIZE];
     van_der_pol_real stages[7][VAN_DER_POL_SIZE];
     van_der_pol_real trial[VAN_DER_POL_SIZE];
+    int settled; /* moments of the ground's filters that stay as they are */
     int fresh; /* stages[0] holds the rate at (t, y) */
 } van_der_pol_run;
 
@@ -173,7 +174,7 @@ typedef struct {
 
 typedef struct {
     van_der_pol_real speed;    /* held constant; of no meaning without ground */
-    van_der_pol_real t, s;     /* instant and place at which explicit dependence is frozen */
+    van_der_pol_real t, s;     /* instant and place at which explicit dependence is frozen (default 0) */
     int most_steps;    /* of each method (default 200) */
     van_der_pol_real residual; /* of the moment equations over the size of their own terms */
     int steps;
@@ -183,6 +184,9 @@ typedef struct {
 } van_der_pol_stationary_problem;
 
 void van_der_pol_stationary_begin(van_der_pol_stationary_problem *problem, van_der_pol_real speed, van_der_pol_stationary_work *work);
+
+/* 1: rates depend on t or s, so that nothing is stationary but with both frozen. */
+enum { VAN_DER_POL_EXPLICIT = 0 };
 
 /* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none. */
 van_der_pol_status van_der_pol_stationary(van_der_pol_stationary_problem *problem, const van_der_pol_real *p, van_der_pol_real *y);

@@ -136,6 +136,7 @@ typedef struct {
     @p@_real size[@P@_SIZE];
     @p@_real stages[7][@P@_SIZE];
     @p@_real trial[@P@_SIZE];
+    int settled; /* moments of the ground's filters that stay as they are */
     int fresh; /* stages[0] holds the rate at (t, y) */
 } @p@_run;
 
@@ -162,7 +163,7 @@ typedef struct {
 
 typedef struct {
     @p@_real speed;    /* held constant; of no meaning without ground */
-    @p@_real t, s;     /* instant and place at which explicit dependence is frozen */
+    @p@_real t, s;     /* instant and place at which explicit dependence is frozen (default 0) */
     int most_steps;    /* of each method (default 200) */
     @p@_real residual; /* of the moment equations over the size of their own terms */
     int steps;
@@ -172,6 +173,9 @@ typedef struct {
 } @p@_stationary_problem;
 
 void @p@_stationary_begin(@p@_stationary_problem *problem, @p@_real speed, @p@_stationary_work *work);
+
+/* 1: rates depend on t or s, so that nothing is stationary but with both frozen. */
+enum { @P@_EXPLICIT = @explicit@ };
 
 /* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none. */
 @p@_status @p@_stationary(@p@_stationary_problem *problem, const @p@_real *p, @p@_real *y);
