@@ -114,7 +114,7 @@ def _functions(facts: Facts, model: Callable[[], Model], key: str) -> MomentFunc
 def _lowered_again(model: Callable[[], Model], facts: Facts) -> LoweredSystem:
     delay = facts.delay
     gap = None if delay is None else delay.tracks[0].gaps[0]
-    return _lowered(model(), None if gap is None else (gap.elements, gap.nodes))
+    return _lowered(model(), None if gap is None else (gap.elements, gap.modes))
 
 
 def _lowered(model: Model, grid: Grid) -> LoweredSystem:

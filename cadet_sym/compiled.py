@@ -54,7 +54,7 @@ def compile(
     ----------
     model : a `Model`, or the path of a model file.
     parameters : values in place of those declared; the model is checked with them.
-    grid : elements and nodes an element between two wheels of one track (see `cadet_sym.delay`); by default the
+    grid : elements and modes an element between two wheels of one track (see `cadet_sym.delay`); by default the
         cheapest that resolves the vehicle's modes at the speeds of the run.
     jit : take seconds to make good machine code of models with hundreds of numbers between wheels that follow each
         other; it is kept, so that it is made once. That of others is made in any case.

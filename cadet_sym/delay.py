@@ -8,8 +8,16 @@ With G(t, theta) = E[Z(t) w(s(t) - theta)] the covariance is exact at any speed 
 
 (theta counts from the track's first wheel). In nonlinear systems N is the equivalent gain matrix: by Stein's lemma
 this is the same Gaussian closure as in P and brings no new approximation. Between two setbacks theta is cut into
-elements, and G is collocated in each at the right-Radau nodes: at constant speed that is the [M-1/M] Pade approximant
-of the exponential, whose modulus is at most one on the imaginary axis, so the covariance stays positive semidefinite.
+elements of length h, and in each G is a sum of M Legendre polynomials, sum_i a_i P_i(2 x - 1), 0 <= x <= 1:
+
+    a_i' = N a_i - (V/h) (2i + 1) (out - (-1)^i in - 2 (a_(i-1) + a_(i-3) + ...)),    out = sum_i a_i
+
+(Galerkin with upwind flux, which is collocation at the right-Radau nodes.) At constant speed `out` is the [M-1/M] Pade
+approximant of the exponential times `in`, whose modulus is at most one on the imaginary axis: the covariance stays
+positive semidefinite. What is integrated is a_0, ..., a_(M-2) and `out`: elements then couple through one value a row,
+and a rate costs O(M), not O(M^2). Where the ground is the same all along, the rows of G that belong to the filter copies do not
+change: E[xi_k(t) w(s - theta)] = exp(C (theta - L_k)) D behind wheel k and zero before it, in discrete form the steady
+state of the same equations, whatever V is. Only the vehicle's rows are then integrated.
 """
 
 from __future__ import annotations
@@ -36,8 +44,9 @@ __all__ = [
     "choose_grid",
     "delay_grid",
     "grid_error",
-    "radau",
-    "radau_stability",
+    "pade",
+    "radau_nodes",
+    "transport_matrix",
 ]
 
 Array = npt.NDArray[np.float64]
@@ -47,7 +56,7 @@ AT_REST = (6, 8)
 is only algebraic while it does."""
 
 CHOICES = ((1, 8), (1, 12), (2, 8), (4, 6), (4, 8), (6, 8), (8, 10))
-"""Elements x nodes to choose from on every gap between wheels, cheapest first."""
+"""Elements x modes to choose from on every gap between wheels, cheapest first."""
 
 
 STANDING = 1e-9
@@ -59,7 +68,8 @@ class Gap:
     """The stretch of ground between two setbacks that follow each other on one track."""
 
     elements: int
-    nodes: int
+    modes: int  # of each element, M: the first M - 1 Legendre coefficients and what leaves the element
+    known: tuple[int, ...]  # states of filter copies whose rows of G stay what they are; those not reached yet are zero
 
 
 @dataclass(frozen=True)
@@ -70,81 +80,95 @@ class TrackDelay:
     gaps: tuple[Gap, ...]  # one fewer
 
     @property
-    def nodes(self) -> int:
-        """Nodes of all gaps."""
-        return sum(gap.elements * gap.nodes for gap in self.gaps)
+    def noises(self) -> int:
+        """Number of noises of the track's ground, q."""
+        return len(self.columns[0])
+
+    @property
+    def modes(self) -> int:
+        """Modes of all elements of all gaps."""
+        return sum(gap.elements * gap.modes for gap in self.gaps)
 
 
 @dataclass(frozen=True)
 class DelayGrid:
-    """All tracks that have more than one wheel; G is packed track by track, node by node, column by column."""
+    """All tracks that have more than one wheel.
 
-    states: int
+    G is packed track by track, element by element, mode by mode, column by column: first what is carried along, the
+    rows of the first `rows` states, then in the same order what is known.
+    """
+
+    rows: int  # the vehicle's states, or all where the ground is not the same all along
     tracks: tuple[TrackDelay, ...]
 
     @property
-    def size(self) -> int:
-        """Number of values of the packed correlation."""
-        return sum(self.states * len(track.columns[0]) * track.nodes for track in self.tracks)
+    def carried(self) -> int:
+        """Number of values that are integrated."""
+        return sum(self.rows * track.noises * track.modes for track in self.tracks)
+
+    @property
+    def known(self) -> int:
+        """Number of values that stay what they are."""
+        return sum(
+            len(gap.known) * track.noises * gap.elements * gap.modes for track in self.tracks for gap in track.gaps
+        )
 
 
-def delay_grid(system: AugmentedSystem, elements: int, nodes: int) -> DelayGrid | None:
+def delay_grid(system: AugmentedSystem, elements: int, modes: int) -> DelayGrid | None:
     """Lay the grid between the wheels of every track that has several; None if no track has."""
     number = system.model.number
-    tracks = []
+    tracks, steady = [], all(copy.filter.is_homogeneous for copy in system.copies)
     for name in dict.fromkeys(copy.track for copy in system.copies):
         copies = [copy for copy in system.copies if copy.track == name]
         if len(copies) < 2:
             continue
         copies.sort(key=lambda copy: number(copy.setback))
+        gaps, met = [], ()
         for before, after in pairwise(copies):
             if number(after.setback) <= number(before.setback):
                 raise ModelError(
                     f"contacts `{before.contact}` and `{after.contact}` on track `{name}` have equal setbacks "
                     "written in different ways; write them with the same expression."
                 )
-        gaps = (Gap(elements, nodes),) * (len(copies) - 1)
-        tracks.append(TrackDelay(tuple(copy.columns for copy in copies), gaps))
-    return DelayGrid(len(system.states), tuple(tracks)) if tracks else None
+            met = (*met, *range(before.states.start, before.states.stop)) if steady else ()
+            gaps.append(Gap(elements, modes, met))
+        tracks.append(TrackDelay(tuple(copy.columns for copy in copies), tuple(gaps)))
+    return DelayGrid(system.vehicle_size if steady else len(system.states), tuple(tracks)) if tracks else None
 
 
 @cache
-def radau(nodes: int) -> tuple[Array, Array]:
-    """Right-Radau nodes c_1 < ... < c_M = 1 and differentiation (M, M + 1) on {0, c_1, ..., c_M}.
+def transport_matrix(modes: int) -> tuple[Array, Array]:
+    """T (M, M) and e (M,) of one element: a' = N a - (V/h) (T a + e in), a = (a_0, ..., a_(M-2), out)."""
+    i = np.arange(modes)
+    odd_below = (i[:, None] > i) & ((i[:, None] - i) % 2 == 1)
+    weights = 2.0 * i + 1
+    T, e = weights[:, None] * (1.0 - 2.0 * odd_below), -weights * (-1.0) ** i
+    to_out = np.eye(modes)
+    to_out[-1] = 1.0
+    return to_out @ T @ np.linalg.inv(to_out), to_out @ e
 
-    The interior nodes are the roots of the Jacobi polynomial P^(1,0)_(M-1) mapped to [0, 1]. Row j of the
-    matrix is the derivative at c_j of the polynomial through the inflow (column 0) and the nodes.
-    """
-    k = np.arange(nodes - 1, dtype=float)
+
+@cache
+def radau_nodes(count: int) -> Array:
+    """Right-Radau nodes c_1 < ... < c_M = 1: the roots of the Jacobi polynomial P^(1,0)_(M-1) mapped to [0, 1], and 1."""
+    k = np.arange(count - 1, dtype=float)
     # Jacobi recurrence for weights (1 - x)^1 (1 + x)^0; the roots are eigenvalues (Golub & Welsch 1969).
     diagonal = -1.0 / ((2 * k + 1) * (2 * k + 3))
     k = k[1:]
     off = np.sqrt(k * (k + 1) / (2 * k + 1) ** 2)
     roots = np.linalg.eigvalsh(np.diag(diagonal) + np.diag(off, 1) + np.diag(off, -1))
-    points = np.concatenate([[0.0], (roots + 1) / 2, [1.0]])
-    return points[1:], _differentiation(points)[1:]
+    return np.append((roots + 1) / 2, 1.0)
 
 
-def _differentiation(points: Array) -> Array:
-    """Differentiation matrix of the polynomial through the points, by barycentric weights."""
-    difference = points[:, None] - points[None, :]
-    np.fill_diagonal(difference, 1.0)
-    weights = 1.0 / difference.prod(axis=1)
-    matrix = weights[None, :] / weights[:, None] / difference
-    np.fill_diagonal(matrix, 0.0)
-    np.fill_diagonal(matrix, -matrix.sum(axis=1))
-    return matrix
-
-
-def radau_stability(z: npt.NDArray[np.complexfloating], nodes: int) -> npt.NDArray[np.complexfloating]:
+def pade(z: npt.NDArray[np.complexfloating], modes: int) -> npt.NDArray[np.complexfloating]:
     """R(z), the [M-1/M] Pade approximant of exp(z): what one element does to G at constant speed."""
-    _, D = radau(nodes)
-    # D_1..M g + D_0 = z g at the nodes for inflow one; the outflow is the last node.
-    operators = D[:, 1:] - np.asarray(z)[..., None, None] * np.eye(nodes)
-    return np.linalg.solve(operators, np.broadcast_to(-D[:, :1], (*np.shape(z), nodes, 1)))[..., -1, 0]
+    T, e = transport_matrix(modes)
+    # T a + e = z a for inflow one; the outflow comes last.
+    operators = T - np.asarray(z)[..., None, None] * np.eye(modes)
+    return np.linalg.solve(operators, np.broadcast_to(-e[:, None], (*np.shape(z), modes, 1)))[..., -1, 0]
 
 
-def grid_error(exponents: npt.NDArray[np.complexfloating], elements: int, nodes: int) -> float:
+def grid_error(exponents: npt.NDArray[np.complexfloating], elements: int, modes: int) -> float:
     """Largest error of what a gap does to G at constant speed, max |R(z/elements)^elements - exp(z)|.
 
     z = l L/V for the eigenvalues l of N, the gaps L and the speeds V. Conservative for the covariances, by a factor
@@ -152,7 +176,7 @@ def grid_error(exponents: npt.NDArray[np.complexfloating], elements: int, nodes:
     """
     if not exponents.size:
         return 0.0
-    discrete = radau_stability(exponents / elements, nodes) ** elements
+    discrete = pade(exponents / elements, modes) ** elements
     return float(np.max(np.abs(discrete - np.exp(exponents))))
 
 

@@ -66,7 +66,7 @@ def moment_equations(quasi_linear: QuasiLinearSystem, grid: tuple[int, int] = (4
     Parameters
     ----------
     quasi_linear : the system in Lur'e form.
-    grid : elements and nodes an element on every stretch of ground between two wheels of one track (see `delay`).
+    grid : elements and modes an element on every stretch of ground between two wheels of one track (see `delay`).
     """
     system = quasi_linear.system
     n = len(system.states)
@@ -81,7 +81,9 @@ def moment_equations(quasi_linear: QuasiLinearSystem, grid: tuple[int, int] = (4
         packing=Packing(
             n,
             distance=system.distance is None and (system.needs_distance or bool(gates)),
-            ground=0 if delay is None else delay.size,
+            ground=0 if delay is None else delay.carried + delay.known,
+            known=0 if delay is None else delay.known,
+            rows=1 if delay is None else delay.rows,
         ),
         means=means,
         expectations=expectations,

@@ -20,6 +20,8 @@ class Packing:
     n: int
     distance: bool = False  # the distance travelled is integrated too
     ground: int = 0  # values of the correlation with the ground between the wheels (see `delay`)
+    known: int = 0  # how many of these, the last ones, stay what they are
+    rows: int = 1  # of every mode of those before them: neighbours that belong to one state each
 
     @property
     def moments(self) -> int:

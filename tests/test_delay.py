@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from reference_models import toml, value
 
 import cadet_sym as cs
-from cadet_sym.delay import choose_grid, grid_error, radau, radau_stability
+from cadet_sym.delay import choose_grid, grid_error, pade, radau_nodes, transport_matrix
 
 ROAD = 'kind = "exponential"\nsigma = 1.0\ncutoff = 0.2\nrolling_contact = 2.0'
 
@@ -37,24 +37,41 @@ def two_wheels(
     )
 
 
-def test_right_radau_nodes_integrate_and_differentiate_polynomials_exactly():
-    for nodes in range(2, 11):
-        c, D = radau(nodes)
-        points = np.concatenate([[0.0], c])
+def test_right_radau_nodes_integrate_polynomials_exactly():
+    for count in range(2, 11):
+        c = radau_nodes(count)
         assert c[-1] == 1.0
-        for degree in range(nodes + 1):
-            np.testing.assert_allclose(D @ points**degree, degree * c ** max(degree - 1, 0), atol=1e-10 * nodes**2)
+        powers = np.arange(count)
+        weights = np.linalg.solve(c[None, :] ** powers[:, None], 1 / (powers + 1.0))
+        for degree in range(2 * count - 1):
+            assert weights @ c**degree == pytest.approx(1 / (degree + 1), rel=1e-11)
+
+
+@pytest.mark.parametrize("modes", range(2, 11))
+def test_an_element_is_collocated_at_the_right_radau_nodes(modes):
+    # The polynomial of degree M through the inflow and the values at the nodes has the derivative T a + e in there.
+    T, e = transport_matrix(modes)
+    c = radau_nodes(modes)
+    rng = np.random.default_rng(modes)
+    a, inflow = rng.standard_normal(modes), rng.standard_normal()
+
+    def at_nodes(x: np.ndarray) -> np.ndarray:
+        return np.polynomial.legendre.legval(2 * c - 1, np.append(x[:-1], x[-1] - x[:-1].sum()))
+
+    through = np.polynomial.Polynomial.fit(np.append(0.0, c), np.append(inflow, at_nodes(a)), modes, domain=[0, 1])
+    np.testing.assert_allclose(at_nodes(T @ a + e * inflow), through.deriv()(c), rtol=1e-8, atol=1e-8 * modes**2)
+    assert at_nodes(a)[-1] == pytest.approx(a[-1])
 
 
 def test_one_element_is_the_pade_approximant_below_the_diagonal():
     z = np.array([-0.3 + 0.2j, 2.0j, -5.0 + 0j])
     # [1/2] Pade of the exponential: (1 + z/3) / (1 - 2z/3 + z^2/6)
-    np.testing.assert_allclose(radau_stability(z, 2), (1 + z / 3) / (1 - 2 * z / 3 + z**2 / 6), rtol=1e-12)
+    np.testing.assert_allclose(pade(z, 2), (1 + z / 3) / (1 - 2 * z / 3 + z**2 / 6), rtol=1e-12)
 
 
 @given(st.integers(2, 10), st.floats(0, 1e4))
 def test_the_modulus_never_exceeds_one_on_the_imaginary_axis(nodes, y):
-    assert abs(radau_stability(np.array([1j * y]), nodes)[0]) <= 1 + 1e-12
+    assert abs(pade(np.array([1j * y]), nodes)[0]) <= 1 + 1e-12
 
 
 def test_the_cheapest_grid_that_resolves_the_modes_is_chosen():

@@ -29,6 +29,8 @@ from cadet_sym.language.roadfilters import CLASSES
 from cadet_sym.language.shaping import ShapingFilter
 from cadet_sym.language.spectrum import spectral_factor
 
+MEASURED = Path(__file__).parents[1] / "models" / "measured_road.csv"
+
 KAPPA = np.geomspace(1e-3, 1e2, 41)  # rad/m
 
 
@@ -518,6 +520,16 @@ def test_a_fit_finds_the_dominant_wave_of_a_road():
     fit = fit_profile(np.arange(16_000) * 0.25, sampled(made, 0.25, 16_000), order=2)
     peak = fit.wavenumber[np.argmax(fit.fitted)]
     assert 0.65 < peak < 0.95
+
+
+@pytest.mark.parametrize("order", [2, 4, 5])
+def test_a_fitted_road_does_not_depend_on_rounding(order):
+    from cadet_sym.language.roadfit import fit_profile
+
+    distance, height = np.loadtxt(MEASURED, delimiter=",", skiprows=1, unpack=True)
+    wobble = 1 + 1e-14 * np.random.default_rng(order).standard_normal(height.size)
+    first, second = (fit_profile(distance, h, order).ground for h in (height, height * wobble))
+    assert first == second
 
 
 def test_a_measured_spectrum_is_fitted_too(tmp_path):

@@ -278,7 +278,7 @@ class Library:
         """Fields of a decomposed linear system."""
         if not self.ground.gaps:
             return "    @p@_real matrix[@P@_SIZE * @P@_SIZE];\n    int pivots[@P@_SIZE];"
-        head, ground = self.ground.head, self.ground.size - self.ground.head
+        head, ground = self.ground.head, self.ground.active - self.ground.head
         return (
             f"    @p@_real values[@P@_NONZEROS];\n    @p@_real blocks[{self.ground.blocks}];\n"
             f"    @p@_real head[{head} * {head}];\n    @p@_real across[{head} * {ground}];\n"

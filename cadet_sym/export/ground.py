@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from cadet_sym.delay import radau
+from cadet_sym.delay import DelayGrid, Gap, radau_nodes, transport_matrix
 from cadet_sym.export.tables import array, constant, rows
 from cadet_sym.lowering.portable import PortableFunctions
 
@@ -22,16 +22,24 @@ Integers = npt.NDArray[np.intp]
 class GapPlace:
     """Where the correlation behind one wheel is in y, and what moves it among the parts."""
 
+    gap: Gap
     first: int
+    known_first: int
     columns: int
-    elements: int
-    nodes: int
     joined: bool  # what leaves the gap in front enters, too
     entering: int
 
-    def values(self, states: int) -> int:
-        """Number of values of one element."""
-        return self.nodes * self.columns * states
+    @property
+    def count(self) -> int:
+        """Modes of all elements."""
+        return self.gap.elements * self.gap.modes
+
+    def place(self, rows: int, vector: int, state: int) -> int:
+        """Index in y of a state's value in one vector, a mode for one noise; -1 if it is zero."""
+        if state < rows:
+            return self.first + vector * rows + state
+        known = self.gap.known
+        return self.known_first + vector * len(known) + known.index(state) if state in known else -1
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +47,9 @@ class GroundTables:
     """The layout of the correlation with the ground between the wheels; without such wheels there are no gaps."""
 
     states: int
+    rows: int  # states whose rows are carried along
     head: int  # values of y before it
+    active: int  # values of y before what is known of it
     size: int
     parts: int
     gain: ca.Sparsity
@@ -50,45 +60,80 @@ class GroundTables:
     @property
     def blocks(self) -> int:
         """Values of the Jacobian's blocks, one an element."""
-        return sum(gap.elements * gap.values(self.states) ** 2 for gap in self.gaps)
+        return sum(place.gap.elements * (place.gap.modes * place.columns * self.rows) ** 2 for place in self.gaps)
+
+    @property
+    def moving(self) -> list[int]:
+        """Entries of N in the rows that are carried along."""
+        return [k for k, row in enumerate(self.gain.row()) if row < self.rows]
 
     @property
     def operations(self) -> int:
         """Additions and multiplications of the loops, for one rate."""
-        one = 2 * self.gain.nnz() + 2 * self.states
-        return sum(
-            gap.elements * gap.nodes * gap.columns * (one + self.states * (2 * gap.nodes + 1)) + gap.columns * self.states
-            for gap in self.gaps
-        )
+        one = 2 * len(self.moving) + 6 * self.rows
+        return sum(place.columns * (place.count * one + place.gap.elements * 4 * self.rows) for place in self.gaps)
 
     def header(self) -> Mapping[str, object]:
         """What the internal header says."""
-        return {"head": self.head, "parts": self.parts, "gain": self.gain.nnz(), "gaps": len(self.gaps)}
+        start = self.functions.start_parts
+        largest = max((states for _, states, _ in start.copies), default=1)
+        rows = self.states if start.smooth else max(largest, *(len(place.gap.known) for place in self.gaps))
+        return {
+            "head": self.head,
+            "active": self.active,
+            "rows": self.rows,
+            "parts": self.parts,
+            "gain": self.gain.nnz(),
+            "gaps": len(self.gaps),
+            "longest": max(place.count for place in self.gaps) * rows,
+            "collocated": max(place.gap.modes for place in self.gaps) * rows,
+        }
 
     def source(self, prefix: str) -> Mapping[str, object]:
         """What the loops need."""
         own, carried = self.functions.pattern, self.functions.parts_pattern
         part_rows, part_columns = carried.get_triplet()
         tables = [_prototypes(prefix)]
-        for count in sorted({gap.nodes for gap in self.gaps}):
-            for name, values in zip(("places", "derivative"), radau(count), strict=True):
+        for count in sorted({place.gap.modes for place in self.gaps}):
+            for name, values in _element_tables(count).items():
                 tables.append(array(f"static const R {name}_{count}", map(constant, values.ravel().tolist())))
+        for g, place in enumerate(self.gaps):
+            tables.append(array(f"static const int known_{g}", map(str, place.gap.known)))
         places = (
-            f"    {{{g.first}, {g.columns}, {g.elements}, {g.nodes}, {int(g.joined)}, {g.entering}, "
-            f"derivative_{g.nodes}, places_{g.nodes}}}"
-            for g in self.gaps
+            f"    {{{p.first}, {p.known_first}, {len(p.gap.known)}, {p.columns}, {p.gap.elements}, {p.gap.modes}, "
+            f"{int(p.joined)}, {p.entering}, known_{g}, derivative_{m}, places_{m}, from_nodes_{m}}}"
+            for g, p in enumerate(self.gaps)
+            for m in [p.gap.modes]
         )
         tables.append(f"const {prefix}_gap {prefix}_gaps[] = {{\n" + ",\n".join(places) + "\n};")
         gain_rows, gain_columns = self.gain.get_triplet()
         integers = {
             "gain_row": gain_rows,
             "gain_column": gain_columns,
+            "moving": self.moving,
             "own_column": own.colind(),
             "part_row": part_rows,
             "part_column": part_columns,
         }
         tables += [array(f"static const int {name}", map(str, values)) for name, values in integers.items()]
-        return {"tables": "\n".join(tables), "own": max(own.nnz(), 1), "of_parts": carried.nnz()}
+        return {
+            "tables": "\n".join(tables),
+            "own": max(own.nnz(), 1),
+            "of_parts": carried.nnz(),
+            "moving": len(self.moving),
+            "columns": max(place.columns for place in self.gaps),
+            "most_modes": max(place.gap.modes for place in self.gaps),
+        }
+
+
+def _element_tables(modes: int) -> Mapping[str, npt.NDArray[np.float64]]:
+    """Of an element: places of the right-Radau nodes, [e, T] of `transport_matrix`, modes from values at the nodes."""
+    places = radau_nodes(modes)
+    T, e = transport_matrix(modes)
+    from_nodes = np.zeros((modes, modes))
+    from_nodes[:] = np.linalg.inv(np.polynomial.legendre.legvander(2 * places - 1, modes - 1))
+    from_nodes[-1] = np.arange(modes) == modes - 1
+    return {"places": places, "derivative": np.column_stack([e, T]), "from_nodes": from_nodes}
 
 
 def _prototypes(prefix: str) -> str:
@@ -109,53 +154,62 @@ def _prototypes(prefix: str) -> str:
 def ground_tables(functions: PortableFunctions, states: int) -> GroundTables:
     """Lay out y behind its head, and the whole Jacobian's pattern."""
     head, size = functions.pattern.shape
-    start = functions.start_parts
-    count = sum(len(track.gaps) for track in start.delayed)
-    first, entering = head, functions.gain.nnz() + count
-    gaps = []
-    for track in start.delayed:
-        columns = len(track.columns[0])
-        for k, gap in enumerate(track.gaps):
-            gaps.append(GapPlace(first, columns, gap.elements, gap.nodes, k > 0, entering))
-            first += gap.elements * gap.nodes * columns * states
-            entering += columns * states
-    assert first == size
+    grid = functions.start_parts.delayed
+    gaps = () if grid is None else tuple(_places(grid, head, functions.gain.nnz(), states))
+    rows, active = (states, size) if grid is None else (grid.rows, head + grid.carried)
     parts = functions.parts_pattern.size1()
-    assert parts == (entering if gaps else 0)
-    pattern = functions.pattern if not gaps else _whole_pattern(functions, tuple(gaps), states)
-    return GroundTables(states, head, size, parts, functions.gain, tuple(gaps), pattern, functions)
+    pattern = functions.pattern if not gaps else _whole_pattern(functions, gaps, states, rows)
+    return GroundTables(states, rows, head, active, size, parts, functions.gain, gaps, pattern, functions)
 
 
-def _whole_pattern(functions: PortableFunctions, gaps: tuple[GapPlace, ...], n: int) -> ca.Sparsity:
+def _places(grid: DelayGrid, head: int, gain: int, states: int) -> Iterable[GapPlace]:
+    """Where every gap is in y and among the parts."""
+    first, known_first = head, head + grid.carried
+    entering = gain + sum(len(track.gaps) for track in grid.tracks)
+    for track in grid.tracks:
+        for k, gap in enumerate(track.gaps):
+            yield GapPlace(gap, first, known_first, track.noises, k > 0, entering)
+            vectors = gap.elements * gap.modes * track.noises
+            first, known_first = first + vectors * grid.rows, known_first + vectors * len(gap.known)
+            entering += track.noises * states
+
+
+def _whole_pattern(functions: PortableFunctions, gaps: tuple[GapPlace, ...], states: int, rows: int) -> ca.Sparsity:
     """Places of the whole Jacobian: the head's rows, N and the transport, and what the parts depend on."""
     size, gain = functions.pattern.size2(), functions.gain
     places = [np.array(functions.pattern.get_triplet())]
-    N = np.array(gain.get_triplet())
+    entries = [(row, column) for row, column in zip(*gain.get_triplet(), strict=True) if row < rows]
     part_rows, part_columns = (np.array(x, dtype=int) for x in functions.parts_pattern.get_triplet())
-    for g, gap in enumerate(gaps):
-        block, count = gap.columns * n, gap.elements * gap.nodes
-        vectors = gap.first + n * np.arange(count * gap.columns)
-        places.append((N[:, :, None] + vectors).reshape(2, -1))
-        for node in range(count):
-            j, here = node % gap.nodes, gap.first + node * block + np.arange(block)
-            before = -1 if node >= gap.nodes or gap.joined else 0
-            places += [np.array([here, here + (m - j) * block]) for m in range(before, gap.nodes)]
+    for g, place in enumerate(gaps):
+        block = place.columns * rows
+        for vector in range(place.count * place.columns):
+            found = [(place.first + vector * rows + row, place.place(rows, vector, column)) for row, column in entries]
+            places.append(np.array([pair for pair in found if pair[1] >= 0], dtype=int).reshape(-1, 2).T)
+        derivative = _element_tables(place.gap.modes)["derivative"]
+        for node in range(place.count):
+            j, here = node % place.gap.modes, place.first + node * block + np.arange(block)
+            before = -1 if node >= place.gap.modes or place.joined else 0
+            seen = [m for m in range(before, place.gap.modes) if derivative[j, m + 1]]
+            places += [np.array([here, here + (m - j) * block]) for m in seen]
         for part, column in zip(part_rows, part_columns, strict=True):
-            touched = _touched(gap, g, int(part), gain, vectors, n)
+            touched = _touched(place, g, int(part), gain, states, rows)
             places.append(np.array([touched, np.full(len(touched), column)]))
     rows_found, columns_found = np.hstack(places)
     return ca.Sparsity.triplet(size, size, rows_found.tolist(), columns_found.tolist())
 
 
-def _touched(gap: GapPlace, g: int, part: int, gain: ca.Sparsity, vectors: Integers, n: int) -> Integers:
+def _touched(place: GapPlace, g: int, part: int, gain: ca.Sparsity, states: int, rows: int) -> Integers:
     """Entries of a gap whose rate depends on one of the parts."""
+    vectors = np.arange(place.count * place.columns)
     if part < gain.nnz():
-        return vectors + gain.row()[part]
+        row, column = gain.row()[part], gain.get_col()[part]
+        seen = [v for v in vectors if row < rows and place.place(rows, int(v), column) >= 0]
+        return place.first + np.array(seen, dtype=int) * rows + row
     if part == gain.nnz() + g:
-        return (vectors[:, None] + np.arange(n)).ravel()
-    block = gap.columns * n
-    if gap.entering <= part < gap.entering + block:
-        return gap.first + part - gap.entering + block * np.arange(gap.nodes)
+        return place.first + np.arange(len(vectors) * rows)
+    q, state = divmod(part - place.entering, states)
+    if 0 <= q < place.columns and state < rows:
+        return place.first + q * rows + state + place.columns * rows * np.arange(place.gap.modes)
     return np.zeros(0, dtype=int)
 
 
@@ -173,7 +227,7 @@ def start_values(functions: PortableFunctions, tables: GroundTables, profile: It
         tracks.append(f"{{{len(track)}, {place}, {{{', '.join(map(str, track))}}}}}")
         place += len(track) - 1
     largest = max((states for _, states, _ in start.copies), default=1)
-    widest, size = (tables.states, tables.states) if start.smooth else (largest, largest)
+    widest = tables.states if start.smooth else largest
     text = []
     if copies:
         text.append(f"static const struct {{ int first, states, parts; }} copies[] = {{{', '.join(copies)}}};")
@@ -182,13 +236,10 @@ def start_values(functions: PortableFunctions, tables: GroundTables, profile: It
             + ",\n    ".join(tracks) + "\n};"
         )
     if gaps:
-        columns = max(gap.columns for gap in gaps)
-        longest = max(gap.elements * gap.nodes for gap in gaps) * size
+        columns = max(place.columns for place in gaps)
         text.append(
-            f"enum {{ HEAD = {tables.head}, COPIES = {len(copies)}, WIDEST = {widest * columns}, LONGEST = {longest}, "
-            f"LAST_PART = {place} }};"
+            f"enum {{ HEAD = {tables.head}, COPIES = {len(copies)}, WIDEST = {widest * columns}, LAST_PART = {place} }};"
         )
-    most = max([1, largest**2, *(gap.nodes * size for gap in gaps)])
     return {
         "vehicle": nv,
         "ground": nf,
@@ -196,7 +247,7 @@ def start_values(functions: PortableFunctions, tables: GroundTables, profile: It
         "copies": len(copies),
         "pairs": int(bool(gaps)),
         "smooth": int(start.smooth),
-        "most": most,
+        "most": max(1, largest**2),
         "parts": max(functions.start.size1_out(0), 1),
         "tables": "\n".join(text),
         "profile": rows(profile),

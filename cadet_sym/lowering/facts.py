@@ -91,7 +91,10 @@ def _delay(found: Mapping[str, Any] | None) -> DelayGrid | None:
     if found is None:
         return None
     tracks = tuple(
-        TrackDelay(tuple(map(tuple, track["columns"])), tuple(Gap(**gap) for gap in track["gaps"]))
+        TrackDelay(
+            tuple(map(tuple, track["columns"])),
+            tuple(Gap(gap["elements"], gap["modes"], tuple(gap["known"])) for gap in track["gaps"]),
+        )
         for track in found["tracks"]
     )
-    return DelayGrid(found["states"], tracks)
+    return DelayGrid(found["rows"], tracks)

@@ -14,7 +14,7 @@ import numpy as np
 import sympy as sp
 
 from cadet_sym.augmentation import AugmentedSystem, FilterCopy
-from cadet_sym.delay import STANDING, Gap, TrackDelay, radau
+from cadet_sym.delay import STANDING, DelayGrid, Gap, TrackDelay, transport_matrix
 from cadet_sym.language.expression import DISTANCE, SPEED, SPEED_RATE, TIME
 from cadet_sym.lowering.expressions import to_casadi
 from cadet_sym.lowering.system import LoweredSystem
@@ -32,7 +32,7 @@ def initial_moments(lowered: LoweredSystem, linear_solver: str = "qr") -> ca.Fun
     equations = lowered.equations
     system, packing = equations.quasi_linear.system, equations.packing
     p = ca.MX.sym("p", len(lowered.parameters))
-    nv, nf = system.vehicle_size, packing.n - system.vehicle_size
+    nf = packing.n - system.vehicle_size
     offset, linear, delta = vehicle_start(lowered)(p)
     mean = ca.vertcat(offset, ca.MX.zeros(nf, 1))
     ground = _GroundStart(lowered, p, mean, linear_solver)
@@ -44,8 +44,7 @@ def initial_moments(lowered: LoweredSystem, linear_solver: str = "qr") -> ca.Fun
     if packing.distance:
         parts.append(lowered.motion(0, p)[3])
     if equations.delay is not None:
-        for track in equations.delay.tracks:
-            parts += ground.correlation(track, nv, nf)
+        parts += ground.correlation(equations.delay)
     return ca.Function("initial", [p], [ca.densify(ca.vertcat(*parts))], ["p"], ["y"])
 
 
@@ -141,37 +140,50 @@ class _GroundStart:
         norm = float(np.abs(np.asarray(C)).sum(axis=1).max()) * abs(distance)
         return max(0, int(np.ceil(np.log2(max(norm, 1e-300) * 16))))
 
-    def correlation(self, track: TrackDelay, nv: int, nf: int) -> list[ca.MX]:
-        """G at the nodes behind each wheel: exp(C (theta - L_k)) D in the rows of its copy, mapped to the vehicle.
+    def correlation(self, grid: DelayGrid) -> list[ca.MX]:
+        """G behind each wheel as it is packed, what is carried and what is known."""
+        carried, known = [], []
+        for track in grid.tracks:
+            standing = self._standing(track)
+            modes_of_gaps = self._behind_smooth(track, standing) if self.smooth else standing
+            for gap, modes in zip(track.gaps, modes_of_gaps, strict=True):
+                carried += [ca.vec(mode[: grid.rows, :]) for mode in modes]
+                known += [ca.vec(mode[list(gap.known), :]) for mode in modes]
+        return carried + known
 
-        Solved with the collocation itself, so that the discrete equations start without a transient. Ground that is
-        smooth behind the start is not read before its gate opens.
+    def _standing(self, track: TrackDelay) -> list[list[ca.MX]]:
+        """Modes (n, q) of exp(C (theta - L_k)) D in the rows of each filter copy, mapped to the vehicle, gap by gap.
+
+        Solved in the discrete form itself, so that its equations start without a transient.
         """
-        if self.smooth:
-            return self._behind_smooth(track)
         copies = [next(c for c in self.system.copies if c.columns == columns) for columns in track.columns]
-        q = len(track.columns[0])
+        nv, n = self.system.vehicle_size, self.lowered.equations.packing.n
         linear = vehicle_start(self.lowered)(self.p)[1]
-        tails = [ca.MX.zeros(len(c.filter.states), q) for c in copies]
-        nodes = []
+        tails = [ca.MX.zeros(len(c.filter.states), track.noises) for c in copies]
+        found = []
         for k, gap in enumerate(track.gaps):
             tails[k] = self.filter(copies[k])[2]
             length = self.setback[copies[k + 1].columns[0]] - self.setback[copies[k].columns[0]]
+            modes = []
             for _ in range(gap.elements):
                 columns = [
-                    _collocated(self.filter(c)[0] * (length / gap.elements), tail, gap, self.linear_solver)
+                    _travelled(self.filter(c)[0] * (length / gap.elements), tail, gap, self.linear_solver)
                     for c, tail in zip(copies, tails, strict=True)
                 ]
-                tails = [c[-1] for c in columns]
-                for j in range(gap.nodes):
-                    ground = ca.MX.zeros(nf, q)
+                tails = [values[-1] for values in columns]
+                for j in range(gap.modes):
+                    ground = ca.MX.zeros(n - nv, track.noises)
                     for copy, values in zip(copies, columns, strict=True):
                         ground[copy.start - nv : copy.start - nv + values[j].size1(), :] = values[j]
-                    nodes.append(ca.vec(ca.vertcat(ca.mtimes(linear, ground), ground)))
-        return nodes
+                    modes.append(ca.vertcat(ca.mtimes(linear, ground), ground))
+            found.append(modes)
+        return found
 
-    def _behind_smooth(self, track: TrackDelay) -> list[ca.MX]:
-        """Any smooth data will do where the ground is flat: those of steady travel, or constants from rest."""
+    def _behind_smooth(self, track: TrackDelay, standing: list[list[ca.MX]]) -> list[list[ca.MX]]:
+        """Ground that is flat is not read before its gate opens: any smooth data will do, those of steady travel do best.
+
+        From rest these are constants, but what is known does not depend on the speed.
+        """
         packing = self.lowered.equations.packing
         V, dV, _, start = self.lowered.motion(0, self.p)
         context = ca.vertcat(0, start, V, dV)
@@ -179,16 +191,24 @@ class _GroundStart:
         rest = ca.MX.zeros(packing.moments - packing.n, 1)
         N = self.lowered.gain_matrix(ca.vertcat(self.mean, rest), context, self.p)
         moving = self.speed_at_start() > STANDING
-        tail, nodes = ca.MX.zeros(packing.n, len(track.columns[0])), []
+        tail, found = ca.MX.zeros(packing.n, track.noises), []
         for k, gap in enumerate(track.gaps):
             tail += b[:, list(track.columns[k])]
+            if not moving:
+                count = gap.elements * gap.modes
+                level = [tail if (j + 1) % gap.modes < 2 else ca.MX.zeros(*tail.shape) for j in range(count)]
+                steady = packing.rows if packing.known else packing.n
+                pairs = zip(level, standing[k], strict=True)
+                found.append([ca.vertcat(flat[:steady, :], known[steady:, :]) for flat, known in pairs])
+                continue
             length = self.setback[track.columns[k + 1][0]] - self.setback[track.columns[k][0]]
+            modes = []
             for _ in range(gap.elements):
-                operator = N * (length / gap.elements / V)
-                values = _collocated(operator, tail, gap, self.linear_solver) if moving else [tail] * gap.nodes
-                nodes += [ca.vec(value) for value in values]
+                values = _travelled(N * (length / gap.elements / V), tail, gap, self.linear_solver)
+                modes += values
                 tail = values[-1]
-        return nodes
+            found.append(modes)
+        return found
 
     def speed_at_start(self) -> float:
         """V(0) at the declared parameters."""
@@ -216,13 +236,13 @@ def vehicle_start(lowered: LoweredSystem) -> ca.Function:
     return ca.Function("vehicle", [p], parts, ["p"], ["offset", "map", "delta"])
 
 
-def _collocated(operator: ca.MX, inflow: ca.MX, gap: Gap, linear_solver: str) -> list[ca.MX]:
-    """Values at the nodes of one element of G_theta = operator G / h, from the inflow."""
-    _, D = radau(gap.nodes)
+def _travelled(operator: ca.MX, inflow: ca.MX, gap: Gap, linear_solver: str) -> list[ca.MX]:
+    """Modes in one element of G_theta = operator G / h, from the inflow."""
+    T, e = transport_matrix(gap.modes)
     r = operator.size1()
-    matrix = ca.kron(ca.DM(D[:, 1:]), ca.MX.eye(r)) - ca.kron(ca.MX.eye(gap.nodes), ca.densify(operator))
-    values = ca.solve(ca.densify(matrix), ca.densify(-ca.kron(ca.DM(D[:, :1]), inflow)), linear_solver)
-    return [values[j * r : (j + 1) * r, :] for j in range(gap.nodes)]
+    matrix = ca.kron(ca.DM(T), ca.MX.eye(r)) - ca.kron(ca.MX.eye(gap.modes), ca.densify(operator))
+    values = ca.solve(ca.densify(matrix), ca.densify(-ca.kron(ca.DM(e), inflow)), linear_solver)
+    return [values[j * r : (j + 1) * r, :] for j in range(gap.modes)]
 
 
 def _dense(matrix: sp.ImmutableMatrix, env: _Environment) -> ca.SX:

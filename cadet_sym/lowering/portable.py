@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from cadet_sym.delay import TrackDelay
+from cadet_sym.delay import DelayGrid
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.lowering.initial import filter_matrices, vehicle_start
 from cadet_sym.lowering.switches import switch_functions
@@ -67,7 +67,7 @@ class StartParts:
     ground: int  # nf, all filters together
     copies: tuple[tuple[int, int, int], ...]  # first state among the filters', number of states and noises: C, DQD, D
     tracks: tuple[tuple[int, ...], ...]  # copies of one track, front to back: distances between them
-    delayed: tuple[TrackDelay, ...]  # tracks whose correlation with the ground is packed
+    delayed: DelayGrid | None  # how the correlation with the ground between wheels is packed
     smooth: bool  # then: N (n, n), V, the noise inputs (n, q) of every delayed wheel
 
 
@@ -160,15 +160,15 @@ def _start(lowered: LoweredSystem, p: ca.SX) -> tuple[ca.SX, StartParts]:
         places = [setback[system.copies[k].columns[0]] for k in members]
         parts += [behind - before for before, behind in pairwise(places)]
         tracks.append(tuple(members))
-    delayed = equations.delay.tracks if equations.delay is not None else ()
-    if smooth and delayed:
+    delayed = equations.delay
+    if smooth and delayed is not None:
         V, dV, _, begin = lowered.motion(0, p)
         context = ca.vertcat(0, begin, V, dV)
         rest = ca.SX.zeros(equations.packing.moments - len(equations.states), 1)
         mean = ca.vertcat(offset, ca.SX.zeros(nf, 1))
         b = lowered.noise(context, p)[0]
         parts += [lowered.gain_matrix(ca.vertcat(mean, rest), context, p), V]
-        parts += [b[:, list(columns)] for track in delayed for columns in track.columns[:-1]]
+        parts += [b[:, list(columns)] for track in delayed.tracks for columns in track.columns[:-1]]
     return ca.vertcat(*(ca.vec(ca.densify(part)) for part in parts)), StartParts(
         vehicle=nv,
         ground=nf,

@@ -1,10 +1,11 @@
 """Invert I - g L for the ground between the wheels: what a small change of G and N P + P N^T do, advection included.
 
-    L dG_j = N dG_j - (V/h) (sum_i D_ji dG_i + D_j0 dG_in),    L dP gets V sum_(k>=2) (dg_k Q b_k^T + b_k Q dg_k^T)
+    L da_i = N da_i - (V/h) (sum_j T_ij da_j + e_i din),    L dP gets V sum_(k>=2) (dg_k Q b_k^T + b_k Q dg_k^T)
 
-In the modes of N the nodes of one element couple to each other alone, and to the last node of the element before: a
-small inverse for each mode and one sweep along the ground. G does not feel P while the gains stay put, so that G is
-solved first and its forcing is carried into the equation of P.
+Of G only what is carried changes, and of N only the rows of those states count. In the eigenvectors of that part the
+modes of one element couple to each other alone, and to what leaves the element before: a small inverse
+for each eigenvalue and one sweep along the ground. G does not feel P while the gains stay put, so that G is solved first
+and its forcing is carried into the equation of P.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cadet_sym.delay import Gap, TrackDelay, radau
+from cadet_sym.delay import Gap, TrackDelay, transport_matrix
 from cadet_sym.lowering.functions import MomentFunctions
 
 __all__ = ["GroundInverse"]
@@ -34,10 +35,12 @@ class GroundInverse:
         delay = self.lowered.facts.delay
         assert delay is not None
         self.tracks: tuple[TrackDelay, ...] = delay.tracks
+        self._rows, self._carried = delay.rows, delay.carried
         self._modes: tuple[npt.NDArray, npt.NDArray, npt.NDArray] | None = None
 
     def decompose(self, N: Array, scale: Array) -> None:
-        """Take the modes of N, in units of the states' sizes; held until the next call."""
+        """Take the eigenvectors of N, in units of the states' sizes; held until the next call."""
+        N, scale = N[: self._rows, : self._rows], scale[: self._rows]
         values, vectors = np.linalg.eig(N * scale / scale[:, None])
         vectors = scale[:, None] * vectors
         try:
@@ -68,31 +71,32 @@ class GroundInverse:
             self._elements.append([self._element(gap, length) for gap, length in zip(track.gaps, lengths, strict=True)])
 
     def _element(self, gap: Gap, length: float) -> tuple[ComplexArray, Array]:
-        """Inverse of one element for every mode (n, M, M), and what its inflow does to its nodes (M,)."""
+        """Inverse of one element for every eigenvalue (rows, M, M), and what its inflow does to its modes (M,)."""
         assert self._modes is not None
-        _, D = radau(gap.nodes)
+        T, e = transport_matrix(gap.modes)
         rate = self._g * self._speed * gap.elements / length
-        matrix = (1 - self._g * self._modes[0])[:, None, None] * np.eye(gap.nodes) + rate * D[:, 1:]
-        return np.linalg.inv(matrix), rate * D[:, 0]
+        matrix = (1 - self._g * self._modes[0])[:, None, None] * np.eye(gap.modes) + rate * T
+        return np.linalg.inv(matrix), rate * e
 
     def apply(self, r: Array) -> tuple[Array, Array]:
         """(change of the packed G, (n, n) forcing of the covariance that comes with it, times g)."""
         assert self._modes is not None
         _, vectors, inverse = self._modes
-        n = len(vectors)
-        found, forcing, first = [], np.zeros((n, n)), 0
+        n, states = len(vectors), self.lowered.facts.packing.n
+        found, forcing, first = [], np.zeros((states, states)), 0
         for track, wheels, elements in zip(self.tracks, self._wheels, self._elements, strict=True):
-            q = len(track.columns[0])
-            size = n * q * track.nodes
-            # (n modes, nodes, q noises)
-            modal = (inverse @ r[first : first + size].reshape(-1, n).T).reshape(n, track.nodes, q)
+            q = track.noises
+            size = n * q * track.modes
+            # (eigenvectors, modes of the ground, noises)
+            modal = (inverse @ r[first : first + size].reshape(-1, n).T).reshape(n, track.modes, q)
             solved, arrivals = _sweep(track, elements, modal)
             found.append(np.real(vectors @ solved.reshape(n, -1)).T.ravel())
             for arriving, weight in zip(arrivals, wheels, strict=True):
-                half = np.real(vectors @ arriving) @ weight
-                forcing += self._g * self._speed * (half + half.T)
+                half = self._g * self._speed * np.real(vectors @ arriving) @ weight
+                forcing[:n] += half
+                forcing[:, :n] += half.T
             first += size
-        return np.concatenate(found), forcing
+        return np.concatenate([*found, r[self._carried :]]), forcing
 
 
 def _sweep(
@@ -103,9 +107,9 @@ def _sweep(
     inflow, at = np.zeros((modal.shape[0], modal.shape[2]), dtype=complex), 0
     for gap, (inverse, entry) in zip(track.gaps, elements, strict=True):
         for _ in range(gap.elements):
-            known = modal[:, at : at + gap.nodes] - entry[None, :, None] * inflow[:, None, :]
-            solved[:, at : at + gap.nodes] = inverse @ known
-            at += gap.nodes
+            known = modal[:, at : at + gap.modes] - entry[None, :, None] * inflow[:, None, :]
+            solved[:, at : at + gap.modes] = inverse @ known
+            at += gap.modes
             inflow = solved[:, at - 1]
         arrivals.append(inflow)
     return solved, arrivals

@@ -38,11 +38,20 @@ def peaks(y: Array, packing: Packing) -> Array:
     deviation = np.where(deviation > NOTHING, deviation, np.max(deviation, initial=0.0) * 1e-3)
     deviation = np.where(deviation > NOTHING, deviation, 1.0)
     mean = np.maximum(np.abs(y[:, :n]).max(axis=0), deviation)
-    alongside = np.abs(y[:, packing.moments :])
-    alongside = np.maximum(alongside.max(axis=0, initial=0.0), 1e-3 * alongside.max(initial=0.0))
+    distance = np.abs(y[:, packing.moments : packing.moments + packing.distance]).max(axis=0, initial=0.0)
+    alongside = np.concatenate([distance, _of_ground(y, packing)])
     alongside = np.where(alongside > NOTHING, alongside, 1.0)
     rows, columns = packing.triangle
     return np.concatenate([mean, deviation[rows] * deviation[columns], alongside])
+
+
+def _of_ground(y: Array, packing: Packing) -> Array:
+    """Sizes of the correlation with the ground between the wheels: what leaves an element, a sum of its modes, sets those."""
+    first, last = packing.size - packing.ground, packing.size - packing.known
+    found = np.abs(y[:, first:]).max(axis=0, initial=0.0)
+    carried = found[: last - first].reshape(-1, packing.rows)
+    found[: last - first] = np.tile(carried.max(axis=0, initial=0.0), len(carried))
+    return np.maximum(found, 1e-3 * found.max(initial=0.0))
 
 
 def fits(size: Array, y: Array, packing: Packing) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from cadet_sym.delay import Gap, radau
+from cadet_sym.delay import DelayGrid, Gap, transport_matrix
 from cadet_sym.errors import ModelError
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.solve.freeze import conditions, freeze
@@ -43,21 +43,31 @@ def steady_start(lowered: MomentFunctions, p: Array) -> Array:
     if facts.delay is not None:
         y = parts[0]
         N = np.asarray(lowered.gain_matrix(y, held.context, p))
-        for track, wheels in zip(facts.delay.tracks, problem.tracks, strict=True):
-            parts.append(_correlation(track.gaps, wheels, N))
+        parts += _packed(facts.delay, problem.tracks, N)
     return np.concatenate(parts)
 
 
-def _correlation(gaps: tuple[Gap, ...], wheels: WheelTrack, N: Array) -> Array:
-    """G at the nodes in steady travel: V G_theta = N G, solved with the collocation itself."""
-    tail, nodes = np.zeros_like(wheels.inputs[0]), []
+def _packed(grid: DelayGrid, tracks: tuple[WheelTrack, ...], N: Array) -> list[Array]:
+    """G in steady travel as it is packed: what is carried, then what is known."""
+    carried, known = [], []
+    for track, wheels in zip(grid.tracks, tracks, strict=True):
+        for gap, modes in zip(track.gaps, _correlation(track.gaps, wheels, N), strict=True):
+            carried.append(modes[:, :, : grid.rows].ravel())
+            known.append(modes[:, :, list(gap.known)].ravel())
+    return carried + known
+
+
+def _correlation(gaps: tuple[Gap, ...], wheels: WheelTrack, N: Array) -> list[Array]:
+    """Modes (all of a gap, q, n) of G in steady travel: V G_theta = N G, solved in the discrete form itself."""
+    tail, found, n = np.zeros_like(wheels.inputs[0]), [], len(N)
     for gap, time, b in zip(gaps, wheels.times, wheels.inputs, strict=False):
         tail = tail + b
-        _, D = radau(gap.nodes)
-        n = len(N)
-        matrix = np.kron(D[:, 1:], np.eye(n)) - np.kron(np.eye(gap.nodes), N * (time / gap.elements))
+        T, e = transport_matrix(gap.modes)
+        matrix = np.kron(T, np.eye(n)) - np.kron(np.eye(gap.modes), N * (time / gap.elements))
+        modes = []
         for _ in range(gap.elements):
-            values = np.linalg.solve(matrix, -np.kron(D[:, :1], tail))
-            nodes.append(values.reshape(gap.nodes, n, -1).transpose(0, 2, 1).ravel())
-            tail = values[-n:]
-    return np.concatenate(nodes)
+            values = np.linalg.solve(matrix, -np.kron(e[:, None], tail)).reshape(gap.modes, n, -1)
+            modes.append(values.transpose(0, 2, 1))
+            tail = values[-1]
+        found.append(np.concatenate(modes))
+    return found

@@ -30,7 +30,7 @@ def present_error(lowered: MomentFunctions, p: Array, moments: Array, duration: 
     delay = lowered.facts.delay
     assert delay is not None
     exponents, _ = _exponents(lowered, p, moments, duration)
-    grids = {(gap.elements, gap.nodes) for track in delay.tracks for gap in track.gaps}
+    grids = {(gap.elements, gap.modes) for track in delay.tracks for gap in track.gaps}
     return max(grid_error(exponents[exponents.real <= 0], *grid) for grid in grids)
 
 

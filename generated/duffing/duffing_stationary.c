@@ -326,7 +326,7 @@ static int dies_out(duffing_stationary_work *work)
         R largest = K(1.0);
         for (int i = 0; i < SIZE; i++) {
             random = (random * 1103515245UL + 12345UL) & 0x7fffffffUL;
-            x[i] = random & 0x10000UL ? K(1.0) : K(-1.0);
+            x[i] = i >= DUFFING_ACTIVE ? K(0.0) : random & 0x10000UL ? K(1.0) : K(-1.0);
         }
         for (; largest > K(1e-8) && count < 20000; count++) {
             for (int i = 0; i < SIZE; i++)
@@ -421,8 +421,10 @@ static duffing_status refine(duffing_stationary_problem *problem, const R *p, R 
             exact[i] = y[i];
         duffing_travelled(problem->t, problem->s, problem->speed, p, exact);
         duffing_held_rate(problem->t, problem->s, problem->speed, exact, p, rate);
-        for (int i = DUFFING_HEAD; i < SIZE; i++)
+        for (int i = DUFFING_HEAD; i < DUFFING_ACTIVE; i++)
             work->vectors[CORRECTION][i] = rate[i];
+        for (int i = DUFFING_ACTIVE; i < SIZE; i++)
+            y[i] = exact[i];
         status = newton(problem, p, y, 20);
     }
     return status;
@@ -442,6 +444,9 @@ duffing_status duffing_stationary(duffing_stationary_problem *problem, const R *
         nothing = nothing && y[i] == K(0.0);
     for (int i = 0; nothing && i < STATES; i++)
         y[duffing_covariance(i, i)] = K(1e-8);
+#if 0 > 0
+    duffing_know_ground(problem->t, problem->s, p, y);
+#endif
     for (int i = 0; i < SIZE; i++)
         start[i] = y[i];
     for (int i = 0; i < SIZE; i++)

@@ -29,19 +29,19 @@ enum {
     HALF_CAR_PARAMETERS = 12,
     HALF_CAR_OUTPUTS = 6,
     HALF_CAR_MOMENTS = 90, /* means and covariances */
-    HALF_CAR_SIZE = 282, /* of y: the moments, the ground between the wheels */
-    HALF_CAR_NONZEROS = 2693, /* of the Jacobian */
+    HALF_CAR_SIZE = 250, /* of y: the moments, the ground between the wheels */
+    HALF_CAR_NONZEROS = 1531, /* of the Jacobian */
     HALF_CAR_SWITCHES = 0 /* functions of t and s whose sign changes at a breakpoint */
 };
 
 /* Operations of one evaluation; they do not depend on the data.
- * rate: 487 additions, 61 divisions, 567 multiplications
- * jacobian: 195 additions, 60 divisions, 85 multiplications
+ * rate: 485 additions, 61 divisions, 561 multiplications
+ * jacobian: 195 additions, 60 divisions, 81 multiplications
  * outputs: 175 additions, 16 divisions, 191 multiplications
- * rate, the ground between the wheels: 4940 additions and multiplications
+ * rate, the ground between the wheels: 1920 additions and multiplications
  */
 enum {
-    HALF_CAR_RATE_OPERATIONS = 6055,
+    HALF_CAR_RATE_OPERATIONS = 3027,
     HALF_CAR_OUTPUT_OPERATIONS = 382
 };
 
@@ -144,9 +144,9 @@ const char *half_car_status_text(half_car_status status);
 /* A linear system with the Jacobian, decomposed. */
 typedef struct {
     half_car_real values[HALF_CAR_NONZEROS];
-    half_car_real blocks[18432];
+    half_car_real blocks[8192];
     half_car_real head[90 * 90];
-    half_car_real across[90 * 192];
+    half_car_real across[90 * 128];
     int pivots[HALF_CAR_SIZE];
     int coupled[90];
 } half_car_factors;

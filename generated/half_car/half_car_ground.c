@@ -1,11 +1,12 @@
-/* The correlation G of the states with the ground between wheels on one track, node by node:
+/* The correlation G of the states with the ground between wheels on one track, element by element:
  *
- *     G_j' = N G_j - (V/h) (sum_i D_ji G_i + D_j0 G_in)
+ *     a_i' = N a_i - slope_i,    slope_i = (V/h) (2 i + 1) (out - (-1)^i in - 2 (a_(i-1) + a_(i-3) + ...))
  *
- * N, V/h and what the wheels add to the inflow are `parts`, which the model's own equations give. */
+ * with `out` for the last of these, whose slope is the sum of all. N, V/h and what the wheels add to the inflow are
+ * `parts`, which the model's own equations give. */
 #include "half_car_ground.h"
 
-enum { SIZE = HALF_CAR_SIZE, STATES = HALF_CAR_STATES, HEAD = HALF_CAR_HEAD };
+enum { SIZE = HALF_CAR_SIZE, STATES = HALF_CAR_STATES, ACTIVE = HALF_CAR_ACTIVE, ROWS = HALF_CAR_ROWS, COLUMNS = 1, MOVING = 34 };
 
 void half_car_rate_parts(R t, const R *restrict y, const R *restrict p, R *restrict dy, R *restrict parts);
 void half_car_jacobian_parts(R t, const R *restrict y, const R *restrict p, R *restrict values, R *restrict parts);
@@ -18,26 +19,35 @@ static const R places_8[8] = {
     K(0.6473752828868303), K(0.8197593082631076), K(0.9437374394630779), K(1.0)
 };
 static const R derivative_8[72] = {
-    K(-27.874257744139793), K(22.242599964335913), K(7.090311673892603), K(-2.0807353791506724),
-    K(0.957335750459313), K(-0.5407289808993251), K(0.3384923324201444), K(-0.2131433200018204),
-    K(0.08012570308363978), K(8.358127441196483), K(-16.591130197062405), K(4.359994142072832), K(5.12492476602843),
-    K(-1.863703897897215), K(0.9703156119145755), K(-0.5854993702775398), K(0.362304083776957),
-    K(-0.13533257975211846), K(-4.656631031707042), K(8.11823601782269), K(-8.545188959239638), K(1.88118564797427),
-    K(4.350635666704752), K(-1.7491131793870789), K(0.9622684139381896), K(-0.5721096798557667),
-    K(0.21071710374962396), K(3.358409449129932), K(-5.639723637389975), K(4.692019558247469), K(-6.56903294216824),
-    K(1.1041272031141063), K(4.215993576843221), K(-1.7852268638042121), K(0.9708780178916394),
-    K(-0.3474443618639403), K(-2.8644703520324466), K(4.7359270907952915), K(-3.631848592579313),
-    K(3.926435356575788), K(-6.268039956795009), K(0.7723495369955389), K(4.633138954070062),
-    K(-1.9608436116902341), K(0.6573515746603227), K(2.8323162584533224), K(-4.647608208611459),
-    K(3.435551489028799), K(-3.386351875104237), K(4.160835466074832), K(-7.2632440822916), K(0.6099351296899527),
-    K(5.868786019458077), K(-1.6102201966976875), K(-3.381298850276828), K(5.5279700241316805),
-    K(-4.015656325439555), K(3.8030184071858204), K(-4.2743007394170744), K(5.806461483798834),
-    K(-11.085659975292156), K(0.5298083758173844), K(7.089657599491895), K(8.000000000000002),
-    K(-13.06099604193058), K(9.427491723502559), K(-8.803581949472239), K(9.613824007769761),
-    K(-12.234234226309487), K(19.116528975794527), K(-44.55903248935455), K(32.50000000000001)
+    K(-1.0), K(0.0), K(0.0), K(0.0), K(0.0), K(0.0), K(0.0), K(0.0), K(1.0), K(3.0), K(-6.0), K(0.0), K(0.0),
+    K(0.0), K(0.0), K(0.0), K(0.0), K(3.0), K(-5.0), K(0.0), K(-10.0), K(0.0), K(0.0), K(0.0), K(0.0), K(0.0),
+    K(5.0), K(7.0), K(-14.0), K(0.0), K(-14.0), K(0.0), K(0.0), K(0.0), K(0.0), K(7.0), K(-9.0), K(0.0), K(-18.0),
+    K(0.0), K(-18.0), K(0.0), K(0.0), K(0.0), K(9.0), K(11.0), K(-22.0), K(0.0), K(-22.0), K(0.0), K(-22.0), K(0.0),
+    K(0.0), K(11.0), K(-13.0), K(0.0), K(-26.0), K(0.0), K(-26.0), K(0.0), K(-26.0), K(0.0), K(13.0), K(8.0),
+    K(-72.0), K(-54.0), K(-66.0), K(-44.0), K(-52.0), K(-26.0), K(-30.0), K(64.0)
+};
+static const R from_nodes_8[64] = {
+    K(0.05725440737212861), K(0.12482395066493261), K(0.17350739781725066), K(0.1957860837262464),
+    K(0.18825877269455965), K(0.15206531032339238), K(0.09267907740148966), K(0.015624999999999922),
+    K(-0.16404095842456048), K(-0.2885836971504501), K(-0.24382319034577823), K(-0.0553921429965014),
+    K(0.1664681392907288), K(0.2917457906389371), K(0.24675105898762434), K(0.04687500000000004),
+    K(0.24852867715006752), K(0.2439268404793601), K(-0.14823913144256887), K(-0.47640550725308817),
+    K(-0.3479804861383214), K(0.08627888520841806), K(0.3157657219961327), K(0.07812500000000006),
+    K(-0.2986538189853021), K(0.010287408057922841), K(0.5413030467942939), K(0.19099870970287938),
+    K(-0.4982744776207708), K(-0.3250805610625531), K(0.27004469311352974), K(0.10937499999999992),
+    K(0.3062463828266828), K(-0.34713902680743136), K(-0.3703812438787315), K(0.6026191667504043),
+    K(0.13932361686081432), K(-0.5842404040395157), K(0.11294650828777715), K(0.14062499999999994),
+    K(-0.2680009114688108), K(0.575610987816132), K(-0.2988082090562646), K(-0.36514165126422565),
+    K(0.716746773207327), K(-0.4133190474663684), K(-0.11896294176778963), K(0.17187500000000014),
+    K(0.18593258669046656), K(-0.5432590080224258), K(0.7490929439573253), K(-0.6507646600207491),
+    K(0.29002893302973753), K(0.1305476831198581), K(-0.36470347875421255), K(0.20312500000000006), K(0.0), K(0.0),
+    K(0.0), K(0.0), K(0.0), K(0.0), K(0.0), K(1.0)
+};
+static const int known_0[2] = {
+    8, 9
 };
 const half_car_gap half_car_gaps[] = {
-    {90, 1, 2, 8, 0, 41, derivative_8, places_8}
+    {90, 218, 2, 1, 2, 8, 0, 41, known_0, derivative_8, places_8, from_nodes_8}
 };
 static const int gain_row[40] = {
     4, 5, 6, 7, 4, 5, 6, 7, 4, 5, 6, 4, 5, 7, 0, 4, 5, 6, 7, 1, 4, 5, 6, 7, 2, 4, 5, 6, 3, 4, 5, 7, 6, 9, 8, 9, 7,
@@ -47,7 +57,11 @@ static const int gain_column[40] = {
     0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4, 4, 4, 5, 5, 5, 5, 5, 6, 6, 6, 6, 7, 7, 7, 7, 8, 8, 9, 9, 10,
     10, 11, 11
 };
-static const int own_column[283] = {
+static const int moving[34] = {
+    0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29,
+    30, 31, 32, 36
+};
+static const int own_column[251] = {
     0, 4, 8, 11, 14, 19, 24, 28, 32, 34, 36, 38, 40, 44, 52, 59, 66, 75, 84, 92, 100, 106, 112, 118, 124, 128, 135,
     142, 151, 160, 168, 176, 182, 188, 194, 200, 203, 209, 217, 225, 232, 239, 244, 249, 254, 259, 262, 270, 278,
     285, 292, 297, 302, 307, 312, 317, 326, 334, 342, 349, 355, 362, 368, 373, 381, 389, 396, 402, 409, 415, 419,
@@ -57,10 +71,9 @@ static const int own_column[283] = {
     505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505,
     505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505,
     505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505,
-    505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505,
-    505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505,
-    505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505, 505,
-    505, 505, 506, 507, 508, 509, 510, 511, 512, 513, 514, 515, 516, 517
+    505, 505, 505, 505, 505, 505, 505, 505, 506, 507, 508, 509, 510, 511, 512, 513, 513, 513, 513, 513, 513, 513,
+    513, 513, 513, 513, 513, 513, 513, 513, 513, 513, 513, 513, 513, 513, 513, 513, 513, 513, 513, 513, 513, 513,
+    513, 513, 514, 515
 };
 static const int part_row[1] = {
     0
@@ -132,26 +145,110 @@ void half_car_carry(int r, const R *C, R d, int columns, R *x)
     }
 }
 
-/* G = exp(N theta / V) (inflow), node by node. */
-void half_car_travelled(R t, R s, R V, const R *p, R *y)
+static void gain_matrix(const R *parts, R *N)
 {
-    R parts[HALF_CAR_PARTS], dy[SIZE], N[STATES * STATES];
-    half_car_held_rate_parts(t, s, V, y, p, dy, parts);
     for (int i = 0; i < STATES * STATES; i++)
         N[i] = K(0.0);
     for (int k = 0; k < HALF_CAR_GAIN; k++)
         N[gain_column[k] * STATES + gain_row[k]] = parts[k];
+}
+
+void half_car_collocate(const half_car_gap *gap, int r, const R *C, R scale, R *tail, R *values)
+{
+    const int n = r * gap->modes, width = gap->modes + 1;
+    R matrix[HALF_CAR_COLLOCATED * HALF_CAR_COLLOCATED];
+    int pivots[HALF_CAR_COLLOCATED];
+    for (int i = 0; i < n * n; i++)
+        matrix[i] = K(0.0);
+    for (int j = 0; j < gap->modes; j++)
+        for (int i = 0; i < r; i++) {
+            for (int m = 0; m < gap->modes; m++)
+                matrix[(m * r + i) * n + j * r + i] += gap->derivative[j * width + m + 1];
+            for (int k = 0; k < r; k++)
+                matrix[(j * r + k) * n + j * r + i] -= scale * C[k * r + i];
+        }
+    half_car_decompose(n, matrix, pivots);
+    for (int e = 0; e < gap->elements; e++, values += n) {
+        for (int j = 0; j < gap->modes; j++)
+            for (int i = 0; i < r; i++)
+                values[j * r + i] = -gap->derivative[j * width] * tail[i];
+        half_car_solve(n, matrix, pivots, values);
+        for (int i = 0; i < r; i++)
+            tail[i] = values[n - r + i];
+    }
+}
+
+int half_car_ground_place(const half_car_gap *gap, int k, int q, int state)
+{
+    const int vector = k * gap->columns + q;
+    if (state < ROWS)
+        return gap->first + vector * ROWS + state;
+    for (int j = 0; j < gap->known; j++)
+        if (gap->known_states[j] == state)
+            return gap->known_first + vector * gap->known + j;
+    return -1;
+}
+
+void half_car_know_ground(R t, R s, const R *p, R *y)
+{
+    R parts[HALF_CAR_PARTS], dy[SIZE], N[STATES * STATES], C[STATES * STATES], tail[STATES], values[HALF_CAR_LONGEST];
+    half_car_held_rate_parts(t, s, K(1.0), y, p, dy, parts);
+    gain_matrix(parts, N);
+    for (int g = 0; g < HALF_CAR_GAPS; g++) {
+        const half_car_gap *gap = half_car_gaps + g;
+        const int r = gap->known, count = gap->elements * gap->modes;
+        for (int j = 0; j < r; j++)
+            for (int i = 0; i < r; i++)
+                C[j * r + i] = N[gap->known_states[j] * STATES + gap->known_states[i]];
+        for (int q = 0; r > 0 && q < gap->columns; q++) {
+            for (int j = 0; j < r; j++) {
+                const int state = gap->known_states[j];
+                const int before = gap->joined ? half_car_ground_place(gap - 1, (gap - 1)->elements * (gap - 1)->modes - 1, q, state) : -1;
+                tail[j] = parts[gap->entering + q * STATES + state] + (before < 0 ? K(0.0) : y[before]);
+            }
+            half_car_collocate(gap, r, C, K(1.0) / parts[HALF_CAR_GAIN + g], tail, values);
+            for (int k = 0; k < count; k++)
+                for (int j = 0; j < r; j++)
+                    y[gap->known_first + (k * gap->columns + q) * r + j] = values[k * r + j];
+        }
+    }
+}
+
+/* Modes of one element from the values at its nodes. */
+static void store(const half_car_gap *gap, int element, const R *nodes, R *y)
+{
+    const int M = gap->modes, block = STATES * gap->columns;
+    for (int j = 0; j < M; j++)
+        for (int q = 0; q < gap->columns; q++)
+            for (int state = 0; state < STATES; state++) {
+                const int place = half_car_ground_place(gap, element * M + j, q, state);
+                R sum = K(0.0);
+                for (int m = 0; m < M; m++)
+                    sum += gap->from_nodes[j * M + m] * nodes[m * block + q * STATES + state];
+                if (place >= 0)
+                    y[place] = sum;
+            }
+}
+
+/* G = exp(N theta / V) (inflow), node by node. */
+void half_car_travelled(R t, R s, R V, const R *p, R *y)
+{
+    R parts[HALF_CAR_PARTS], dy[SIZE], N[STATES * STATES], leaving[STATES * COLUMNS], nodes[STATES * COLUMNS * 8];
+    half_car_held_rate_parts(t, s, V, y, p, dy, parts);
+    gain_matrix(parts, N);
     for (int g = 0; g < HALF_CAR_GAPS; g++) {
         const half_car_gap *gap = half_car_gaps + g;
         const int block = STATES * gap->columns;
         const R time = K(1.0) / parts[HALF_CAR_GAIN + g];
-        for (int k = 0; k < gap->elements * gap->nodes; k++) {
-            const int node = k % gap->nodes;
-            R *G = y + gap->first + k * block;
-            for (int i = 0; i < block; i++)
-                G[i] = (k > 0 || gap->joined ? G[i - block] : K(0.0)) + (k > 0 ? K(0.0) : parts[gap->entering + i]);
-            half_car_carry(STATES, N, time * (gap->places[node] - (node > 0 ? gap->places[node - 1] : K(0.0))),
-                      gap->columns, G);
+        for (int i = 0; i < block; i++)
+            leaving[i] = (gap->joined ? leaving[i] : K(0.0)) + parts[gap->entering + i];
+        for (int e = 0; e < gap->elements; e++) {
+            for (int j = 0; j < gap->modes; j++) {
+                half_car_carry(STATES, N, time * (gap->places[j] - (j > 0 ? gap->places[j - 1] : K(0.0))), gap->columns, leaving);
+                for (int i = 0; i < block; i++)
+                    nodes[j * block + i] = leaving[i];
+            }
+            store(gap, e, nodes, y);
         }
     }
 }
@@ -161,36 +258,50 @@ static int inflow_joins(const half_car_gap *gap, int element)
     return element > 0 || gap->joined;
 }
 
-/* sum_i D_ji G_i + D_j0 G_in for all nodes of a gap. */
+/* slope / (V/h) for all modes of a gap. */
 static void differentiate(const half_car_gap *gap, const R *restrict y, const R *restrict entering, R *restrict slope)
 {
-    const int block = STATES * gap->columns, width = gap->nodes + 1;
+    const int block = ROWS * gap->columns, last = gap->modes - 1;
+    R halves[2][ROWS * COLUMNS], sum[ROWS * COLUMNS];
     for (int e = 0; e < gap->elements; e++) {
-        const int start = gap->first + e * gap->nodes * block;
-        for (int j = 0; j < gap->nodes; j++) {
-            const R *D = gap->derivative + j * width;
-            R *into = slope + start + j * block;
-            for (int i = 0; i < block; i++) {
-                const R before = inflow_joins(gap, e) ? y[start - block + i] : K(0.0);
-                into[i] = D[0] * (e == 0 ? before + entering[i] : before);
-            }
-            for (int m = 0; m < gap->nodes; m++)
-                for (int i = 0; i < block; i++)
-                    into[i] += D[m + 1] * y[start + m * block + i];
+        const int start = gap->first + e * gap->modes * block;
+        const R *a = y + start;
+        for (int i = 0; i < block; i++) {
+            const R before = inflow_joins(gap, e) ? y[start - block + i] : K(0.0);
+            const R in = e > 0 ? before : before + entering[i / ROWS * STATES + i % ROWS];
+            halves[0][i] = (a[last * block + i] - in) / K(2.0);
+            halves[1][i] = (a[last * block + i] + in) / K(2.0);
+            sum[i] = K(0.0);
         }
+        for (int m = 0; m < last; m++) {
+            R *restrict half = halves[m % 2], *restrict next = halves[(m + 1) % 2], *restrict into = slope + start + m * block;
+            const R weight = (R)(2 * (2 * m + 1));
+            for (int i = 0; i < block; i++) {
+                into[i] = weight * half[i];
+                sum[i] += into[i];
+                next[i] -= a[m * block + i];
+            }
+        }
+        for (int i = 0; i < block; i++)
+            slope[start + last * block + i] = sum[i] + (R)(2 * (2 * last + 1)) * halves[last % 2][i];
     }
 }
 
 /* x becomes N v - speed x for every vector of a gap. */
 static void transport(const half_car_gap *gap, const R *restrict N, R speed, const R *restrict v, R *restrict x)
 {
-    const int end = gap->first + gap->elements * gap->nodes * gap->columns * STATES;
-    for (int start = gap->first; start < end; start += STATES) {
-        R product[STATES] = {K(0.0)};
-        for (int k = 0; k < HALF_CAR_GAIN; k++)
-            product[gain_row[k]] += N[k] * v[start + gain_column[k]];
-        for (int i = 0; i < STATES; i++)
-            x[start + i] = product[i] - speed * x[start + i];
+    const int vectors = gap->elements * gap->modes * gap->columns;
+    for (int k = 0; k < vectors; k++) {
+        const R *carried = v + gap->first + k * ROWS, *known = v + gap->known_first + k * gap->known;
+        R all[STATES] = {K(0.0)}, product[ROWS] = {K(0.0)}, *into = x + gap->first + k * ROWS;
+        for (int i = 0; i < ROWS; i++)
+            all[i] = carried[i];
+        for (int j = 0; j < gap->known; j++)
+            all[gap->known_states[j]] = known[j];
+        for (int m = 0; m < MOVING; m++)
+            product[gain_row[moving[m]]] += N[moving[m]] * all[gain_column[moving[m]]];
+        for (int i = 0; i < ROWS; i++)
+            into[i] = product[i] - speed * into[i];
     }
 }
 
@@ -200,6 +311,8 @@ static void rate_of_ground(const R *restrict y, const R *restrict parts, R *rest
         differentiate(half_car_gaps + g, y, parts + half_car_gaps[g].entering, dy);
         transport(half_car_gaps + g, parts, parts[HALF_CAR_GAIN + g], y, dy);
     }
+    for (int i = ACTIVE; i < SIZE; i++)
+        dy[i] = K(0.0);
 }
 
 /* Place an entry of the Jacobian; its rows are in order. */
@@ -216,20 +329,25 @@ static void add(R *values, int row, int column, R x)
     values[low] += x;
 }
 
-/* Entries that do not come from the parts' own derivatives: N, and the transport from node to node. */
+/* Entries that do not come from the parts' own derivatives: N, and the transport from mode to mode. */
 static void add_transport(const half_car_gap *gap, const R *restrict N, R speed, R *restrict values)
 {
-    const int block = STATES * gap->columns, width = gap->nodes + 1;
+    const int block = ROWS * gap->columns, width = gap->modes + 1;
     for (int e = 0; e < gap->elements; e++)
-        for (int j = 0; j < gap->nodes; j++) {
-            const int start = gap->first + (e * gap->nodes + j) * block;
+        for (int j = 0; j < gap->modes; j++) {
+            const int start = gap->first + (e * gap->modes + j) * block;
             for (int q = 0; q < gap->columns; q++)
-                for (int k = 0; k < HALF_CAR_GAIN; k++)
-                    add(values, start + q * STATES + gain_row[k], start + q * STATES + gain_column[k], N[k]);
-            for (int m = inflow_joins(gap, e) ? -1 : 0; m < gap->nodes; m++)
-                for (int i = 0; i < block; i++)
-                    add(values, start + i, start + (m - j) * block + i,
-                        -speed * gap->derivative[j * width + m + 1]);
+                for (int m = 0; m < MOVING; m++) {
+                    const int k = moving[m];
+                    const int place = half_car_ground_place(gap, e * gap->modes + j, q, gain_column[k]);
+                    if (place >= 0)
+                        add(values, start + q * ROWS + gain_row[k], place, N[k]);
+                }
+            for (int m = inflow_joins(gap, e) ? -1 : 0; m < gap->modes; m++) {
+                const R weight = gap->derivative[j * width + m + 1];
+                for (int i = 0; weight != K(0.0) && i < block; i++)
+                    add(values, start + i, start + (m - j) * block + i, -speed * weight);
+            }
         }
 }
 
@@ -238,17 +356,22 @@ static void add_part(int g, int part, int column, R x, const R *restrict y, cons
                      R *restrict values)
 {
     const half_car_gap *gap = half_car_gaps + g;
-    const int block = STATES * gap->columns, end = gap->first + gap->elements * gap->nodes * block;
-    if (part < HALF_CAR_GAIN)
-        for (int start = gap->first; start < end; start += STATES)
-            add(values, start + gain_row[part], column, x * y[start + gain_column[part]]);
-    else if (part == HALF_CAR_GAIN + g)
-        for (int i = gap->first; i < end; i++)
+    const int count = gap->elements * gap->modes, block = ROWS * gap->columns, entry = part - gap->entering;
+    if (part < HALF_CAR_GAIN) {
+        for (int k = 0; gain_row[part] < ROWS && k < count; k++)
+            for (int q = 0; q < gap->columns; q++) {
+                const int place = half_car_ground_place(gap, k, q, gain_column[part]);
+                if (place >= 0)
+                    add(values, gap->first + k * block + q * ROWS + gain_row[part], column, x * y[place]);
+            }
+    } else if (part == HALF_CAR_GAIN + g) {
+        for (int i = gap->first; i < gap->first + count * block; i++)
             add(values, i, column, -x * slope[i]);
-    else if (part >= gap->entering && part < gap->entering + block)
-        for (int j = 0; j < gap->nodes; j++)
-            add(values, gap->first + j * block + part - gap->entering, column,
-                -speed * gap->derivative[j * (gap->nodes + 1)] * x);
+    } else if (entry >= 0 && entry < STATES * gap->columns && entry % STATES < ROWS) {
+        for (int j = 0; j < gap->modes; j++)
+            add(values, gap->first + j * block + entry / STATES * ROWS + entry % STATES, column,
+                -speed * gap->derivative[j * (gap->modes + 1)] * x);
+    }
 }
 
 static void jacobian_of_ground(const R *restrict y, const R *restrict parts, const R *restrict own,
@@ -285,7 +408,7 @@ void half_car_held_rate(R t, R s, R V, const R *restrict y, const R *restrict p,
 
 void half_car_jacobian(R t, const R *restrict y, const R *restrict p, R *restrict values)
 {
-    R parts[HALF_CAR_PARTS], dy[SIZE], own[517], of_parts[0 > 0 ? 0 : 1];
+    R parts[HALF_CAR_PARTS], dy[SIZE], own[515], of_parts[0 > 0 ? 0 : 1];
     half_car_rate_parts(t, y, p, dy, parts);
     half_car_jacobian_parts(t, y, p, own, of_parts);
     jacobian_of_ground(y, parts, own, of_parts, values);
@@ -293,7 +416,7 @@ void half_car_jacobian(R t, const R *restrict y, const R *restrict p, R *restric
 
 void half_car_held_jacobian(R t, R s, R V, const R *restrict y, const R *restrict p, R *restrict values)
 {
-    R parts[HALF_CAR_PARTS], dy[SIZE], own[517], of_parts[0 > 0 ? 0 : 1];
+    R parts[HALF_CAR_PARTS], dy[SIZE], own[515], of_parts[0 > 0 ? 0 : 1];
     half_car_held_rate_parts(t, s, V, y, p, dy, parts);
     half_car_held_jacobian_parts(t, s, V, y, p, own, of_parts);
     jacobian_of_ground(y, parts, own, of_parts, values);
@@ -306,12 +429,14 @@ void half_car_slope(R t, const R *restrict y, const R *restrict p, R *restrict s
     half_car_slope_parts(t, y, p, slope, change);
     for (int g = 0; g < HALF_CAR_GAPS; g++) {
         const half_car_gap *gap = half_car_gaps + g;
-        const int block = STATES * gap->columns;
+        const int block = ROWS * gap->columns;
         differentiate(gap, y, parts + gap->entering, slope);
         transport(gap, change, change[HALF_CAR_GAIN + g], y, slope);
-        for (int j = 0; j < gap->nodes; j++)
+        for (int j = 0; j < gap->modes; j++)
             for (int i = 0; i < block; i++)
-                slope[gap->first + j * block + i] -=
-                    parts[HALF_CAR_GAIN + g] * gap->derivative[j * (gap->nodes + 1)] * change[gap->entering + i];
+                slope[gap->first + j * block + i] -= parts[HALF_CAR_GAIN + g] * gap->derivative[j * (gap->modes + 1)]
+                                                     * change[gap->entering + i / ROWS * STATES + i % ROWS];
     }
+    for (int i = ACTIVE; i < SIZE; i++)
+        slope[i] = K(0.0);
 }

@@ -856,10 +856,4 @@ void half_car_jacobian_parts(R t, const R *restrict y, const R *restrict p, R *r
     const R a848 = K(1.5791367041742974) * p[10];
     const R a849 = p[11] * a848;
     values[514] = a849;
-    const R a851 = K(1.5791367041742974) * p[10];
-    const R a852 = p[11] * a851;
-    values[515] = a852;
-    const R a854 = K(3.158273408348595) * p[10];
-    const R a855 = p[11] * a854;
-    values[516] = a855;
 }

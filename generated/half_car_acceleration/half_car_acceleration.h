@@ -29,22 +29,22 @@ enum {
     HALF_CAR_ACCELERATION_PARAMETERS = 14,
     HALF_CAR_ACCELERATION_OUTPUTS = 5,
     HALF_CAR_ACCELERATION_MOMENTS = 90, /* means and covariances */
-    HALF_CAR_ACCELERATION_SIZE = 1050, /* of y: the moments, the ground between the wheels */
-    HALF_CAR_ACCELERATION_NONZEROS = 17642, /* of the Jacobian */
+    HALF_CAR_ACCELERATION_SIZE = 890, /* of y: the moments, the ground between the wheels */
+    HALF_CAR_ACCELERATION_NONZEROS = 10144, /* of the Jacobian */
     HALF_CAR_ACCELERATION_SWITCHES = 0 /* functions of t and s whose sign changes at a breakpoint */
 };
 
 /* Operations of one evaluation; they do not depend on the data.
- * rate: 630 additions, 76 comparisons, 111 divisions, 2 function calls, 703 multiplications, 2 square roots
- * jacobian: 3119 additions, 632 comparisons, 554 divisions, 2 function calls, 4786 multiplications, 2 square
+ * rate: 628 additions, 76 comparisons, 111 divisions, 2 function calls, 693 multiplications, 2 square roots
+ * jacobian: 3111 additions, 632 comparisons, 554 divisions, 2 function calls, 4814 multiplications, 2 square
  *   roots
- * outputs: 1003 additions, 462 comparisons, 139 divisions, 44 function calls, 1000 multiplications, 9 square
+ * outputs: 1003 additions, 462 comparisons, 139 divisions, 44 function calls, 972 multiplications, 9 square
  *   roots
- * rate, the ground between the wheels: 28492 additions and multiplications
+ * rate, the ground between the wheels: 9536 additions and multiplications
  */
 enum {
-    HALF_CAR_ACCELERATION_RATE_OPERATIONS = 30016,
-    HALF_CAR_ACCELERATION_OUTPUT_OPERATIONS = 2657
+    HALF_CAR_ACCELERATION_RATE_OPERATIONS = 11048,
+    HALF_CAR_ACCELERATION_OUTPUT_OPERATIONS = 2629
 };
 
 enum { /* states */
@@ -147,9 +147,9 @@ const char *half_car_acceleration_status_text(half_car_acceleration_status statu
 /* A linear system with the Jacobian, decomposed. */
 typedef struct {
     half_car_acceleration_real values[HALF_CAR_ACCELERATION_NONZEROS];
-    half_car_acceleration_real blocks[115200];
+    half_car_acceleration_real blocks[51200];
     half_car_acceleration_real head[90 * 90];
-    half_car_acceleration_real across[90 * 960];
+    half_car_acceleration_real across[90 * 640];
     int pivots[HALF_CAR_ACCELERATION_SIZE];
     int coupled[90];
 } half_car_acceleration_factors;
@@ -180,7 +180,6 @@ typedef struct {
     half_car_acceleration_real size[HALF_CAR_ACCELERATION_SIZE];
     half_car_acceleration_real stages[7][HALF_CAR_ACCELERATION_SIZE];
     half_car_acceleration_real trial[HALF_CAR_ACCELERATION_SIZE];
-    int settled; /* moments of the ground's filters that stay as they are */
     int fresh; /* stages[0] holds the rate at (t, y) */
 } half_car_acceleration_run;
 
@@ -207,7 +206,7 @@ typedef struct {
 
 typedef struct {
     half_car_acceleration_real speed;    /* held constant; of no meaning without ground */
-    half_car_acceleration_real t, s;     /* instant and place at which explicit dependence is frozen (default 0) */
+    half_car_acceleration_real t, s;     /* instant and place at which explicit dependence is frozen */
     int most_steps;    /* of each method (default 200) */
     half_car_acceleration_real residual; /* of the moment equations over the size of their own terms */
     int steps;
@@ -217,9 +216,6 @@ typedef struct {
 } half_car_acceleration_stationary_problem;
 
 void half_car_acceleration_stationary_begin(half_car_acceleration_stationary_problem *problem, half_car_acceleration_real speed, half_car_acceleration_stationary_work *work);
-
-/* 1: rates depend on t or s, so that nothing is stationary but with both frozen. */
-enum { HALF_CAR_ACCELERATION_EXPLICIT = 0 };
 
 /* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none. */
 half_car_acceleration_status half_car_acceleration_stationary(half_car_acceleration_stationary_problem *problem, const half_car_acceleration_real *p, half_car_acceleration_real *y);

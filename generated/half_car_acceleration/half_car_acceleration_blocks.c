@@ -1,7 +1,7 @@
 /* Linear systems with the Jacobian, block by block: the ground between wheels element by element, then the rest. */
 #include "half_car_acceleration_ground.h"
 
-enum { SIZE = HALF_CAR_ACCELERATION_SIZE, HEAD = HALF_CAR_ACCELERATION_HEAD, GROUND = SIZE - HEAD };
+enum { SIZE = HALF_CAR_ACCELERATION_SIZE, HEAD = HALF_CAR_ACCELERATION_HEAD, ACTIVE = HALF_CAR_ACCELERATION_ACTIVE, GROUND = ACTIVE - HEAD };
 
 /* x becomes (block of the ground)^-1 x; every element sees itself and what leaves the one in front. */
 static void solve_ground(const half_car_acceleration_factors *factors, R *x)
@@ -9,7 +9,7 @@ static void solve_ground(const half_car_acceleration_factors *factors, R *x)
     const R *blocks = factors->blocks;
     for (int g = 0; g < HALF_CAR_ACCELERATION_GAPS; g++) {
         const half_car_acceleration_gap *gap = half_car_acceleration_gaps + g;
-        const int block = HALF_CAR_ACCELERATION_STATES * gap->columns, count = gap->nodes * block;
+        const int block = HALF_CAR_ACCELERATION_ROWS * gap->columns, count = gap->modes * block;
         for (int e = 0; e < gap->elements; e++, blocks += count * count) {
             const int first = gap->first + e * count;
             for (int j = e > 0 || gap->joined ? first - block : first; j < first; j++)
@@ -24,7 +24,7 @@ static void solve_ground(const half_car_acceleration_factors *factors, R *x)
 /* y -= (what the ground adds to the rest) x. */
 static void subtract_ground(const half_car_acceleration_factors *factors, const R *x, R *y)
 {
-    for (int j = HEAD; j < SIZE; j++)
+    for (int j = HEAD; j < ACTIVE; j++)
         for (int k = half_car_acceleration_jacobian_column[j]; k < half_car_acceleration_jacobian_column[j + 1] && half_car_acceleration_jacobian_row[k] < HEAD; k++)
             y[half_car_acceleration_jacobian_row[k]] -= factors->values[k] * x[j - HEAD];
 }
@@ -34,7 +34,7 @@ static int factorise_ground(const R *diagonal, half_car_acceleration_factors *fa
     R *blocks = factors->blocks;
     for (int g = 0; g < HALF_CAR_ACCELERATION_GAPS; g++) {
         const half_car_acceleration_gap *gap = half_car_acceleration_gaps + g;
-        const int count = gap->nodes * HALF_CAR_ACCELERATION_STATES * gap->columns;
+        const int count = gap->modes * HALF_CAR_ACCELERATION_ROWS * gap->columns;
         for (int e = 0; e < gap->elements; e++, blocks += count * count) {
             const int first = gap->first + e * count;
             for (int i = 0; i < count * count; i++)
@@ -89,4 +89,6 @@ void half_car_acceleration_backsolve(const half_car_acceleration_factors *factor
     for (int j = 0; j < HEAD; j++)
         for (int i = 0; factors->coupled[j] && i < GROUND; i++)
             x[HEAD + i] -= factors->across[j * GROUND + i] * x[j];
+    for (int i = ACTIVE; i < SIZE; i++)
+        x[i] = K(0.0); /* what is known does not change */
 }

@@ -326,7 +326,7 @@ static int dies_out(half_car_acceleration_stationary_work *work)
         R largest = K(1.0);
         for (int i = 0; i < SIZE; i++) {
             random = (random * 1103515245UL + 12345UL) & 0x7fffffffUL;
-            x[i] = random & 0x10000UL ? K(1.0) : K(-1.0);
+            x[i] = i >= HALF_CAR_ACCELERATION_ACTIVE ? K(0.0) : random & 0x10000UL ? K(1.0) : K(-1.0);
         }
         for (; largest > K(1e-8) && count < 20000; count++) {
             for (int i = 0; i < SIZE; i++)
@@ -421,8 +421,10 @@ static half_car_acceleration_status refine(half_car_acceleration_stationary_prob
             exact[i] = y[i];
         half_car_acceleration_travelled(problem->t, problem->s, problem->speed, p, exact);
         half_car_acceleration_held_rate(problem->t, problem->s, problem->speed, exact, p, rate);
-        for (int i = HALF_CAR_ACCELERATION_HEAD; i < SIZE; i++)
+        for (int i = HALF_CAR_ACCELERATION_HEAD; i < HALF_CAR_ACCELERATION_ACTIVE; i++)
             work->vectors[CORRECTION][i] = rate[i];
+        for (int i = HALF_CAR_ACCELERATION_ACTIVE; i < SIZE; i++)
+            y[i] = exact[i];
         status = newton(problem, p, y, 20);
     }
     return status;
@@ -442,6 +444,9 @@ half_car_acceleration_status half_car_acceleration_stationary(half_car_accelerat
         nothing = nothing && y[i] == K(0.0);
     for (int i = 0; nothing && i < STATES; i++)
         y[half_car_acceleration_covariance(i, i)] = K(1e-8);
+#if 1 > 0
+    half_car_acceleration_know_ground(problem->t, problem->s, p, y);
+#endif
     for (int i = 0; i < SIZE; i++)
         start[i] = y[i];
     for (int i = 0; i < SIZE; i++)

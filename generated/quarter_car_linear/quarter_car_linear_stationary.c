@@ -326,7 +326,7 @@ static int dies_out(quarter_car_linear_stationary_work *work)
         R largest = K(1.0);
         for (int i = 0; i < SIZE; i++) {
             random = (random * 1103515245UL + 12345UL) & 0x7fffffffUL;
-            x[i] = random & 0x10000UL ? K(1.0) : K(-1.0);
+            x[i] = i >= QUARTER_CAR_LINEAR_ACTIVE ? K(0.0) : random & 0x10000UL ? K(1.0) : K(-1.0);
         }
         for (; largest > K(1e-8) && count < 20000; count++) {
             for (int i = 0; i < SIZE; i++)
@@ -421,8 +421,10 @@ static quarter_car_linear_status refine(quarter_car_linear_stationary_problem *p
             exact[i] = y[i];
         quarter_car_linear_travelled(problem->t, problem->s, problem->speed, p, exact);
         quarter_car_linear_held_rate(problem->t, problem->s, problem->speed, exact, p, rate);
-        for (int i = QUARTER_CAR_LINEAR_HEAD; i < SIZE; i++)
+        for (int i = QUARTER_CAR_LINEAR_HEAD; i < QUARTER_CAR_LINEAR_ACTIVE; i++)
             work->vectors[CORRECTION][i] = rate[i];
+        for (int i = QUARTER_CAR_LINEAR_ACTIVE; i < SIZE; i++)
+            y[i] = exact[i];
         status = newton(problem, p, y, 20);
     }
     return status;
@@ -442,6 +444,9 @@ quarter_car_linear_status quarter_car_linear_stationary(quarter_car_linear_stati
         nothing = nothing && y[i] == K(0.0);
     for (int i = 0; nothing && i < STATES; i++)
         y[quarter_car_linear_covariance(i, i)] = K(1e-8);
+#if 0 > 0
+    quarter_car_linear_know_ground(problem->t, problem->s, p, y);
+#endif
     for (int i = 0; i < SIZE; i++)
         start[i] = y[i];
     for (int i = 0; i < SIZE; i++)

@@ -50,49 +50,40 @@ static void multiply(int rows, int inner, int columns, const R *a, const R *b, R
 #endif
 
 #if 0 > 0
-/* Values at the nodes of all elements of a gap of G' = scale C G / h, and at its end, from the inflow: one column. */
-static void collocate(const road_class_change_gap *gap, int r, const R *C, R scale, R *tail, R *values)
-{
-    const int n = r * gap->nodes;
-    R matrix[MOST * MOST];
-    int pivots[MOST];
-    for (int i = 0; i < n * n; i++)
-        matrix[i] = K(0.0);
-    for (int j = 0; j < gap->nodes; j++)
-        for (int i = 0; i < r; i++) {
-            for (int m = 0; m < gap->nodes; m++)
-                matrix[(m * r + i) * n + j * r + i] += gap->derivative[j * (gap->nodes + 1) + m + 1];
-            for (int k = 0; k < r; k++)
-                matrix[(j * r + k) * n + j * r + i] -= scale * C[k * r + i];
-        }
-    road_class_change_decompose(n, matrix, pivots);
-    for (int e = 0; e < gap->elements; e++, values += n) {
-        for (int j = 0; j < gap->nodes; j++)
-            for (int i = 0; i < r; i++)
-                values[j * r + i] = -gap->derivative[j * (gap->nodes + 1)] * tail[i];
-        road_class_change_solve(n, matrix, pivots, values);
-        for (int i = 0; i < r; i++)
-            tail[i] = values[n - r + i];
-    }
-}
-
-#if !0
 /* G behind the wheels of a gap: what each filter copy has met, and what the vehicle carries of it. */
 static void behind(const road_class_change_gap *gap, R length, const R *parts, const R *map, int copy, R *tail, R *y)
 {
-    const int r = copies[copy].states, nodes = gap->elements * gap->nodes;
-    R values[LONGEST];
+    const int r = copies[copy].states;
+    R values[ROAD_CLASS_CHANGE_LONGEST];
     for (int q = 0; q < gap->columns; q++) {
-        collocate(gap, r, parts + copies[copy].parts, length / (R)gap->elements, tail + q * r, values);
-        for (int j = 0; j < nodes; j++) {
-            R *G = y + gap->first + (j * gap->columns + q) * STATES;
+        road_class_change_collocate(gap, r, parts + copies[copy].parts, length / (R)gap->elements, tail + q * r, values);
+        for (int j = 0; j < gap->elements * gap->modes; j++)
             for (int i = 0; i < r; i++) {
-                const int state = copies[copy].first + i;
-                G[VEHICLE + state] = values[j * r + i];
-                for (int k = 0; k < VEHICLE; k++)
-                    G[k] += map[state * VEHICLE + k] * values[j * r + i];
+                const int state = copies[copy].first + i, place = road_class_change_ground_place(gap, j, q, VEHICLE + state);
+                if (place >= 0)
+                    y[place] = values[j * r + i];
+                for (int k = 0; !0 && k < VEHICLE; k++)
+                    y[road_class_change_ground_place(gap, j, q, k)] += map[state * VEHICLE + k] * values[j * r + i];
             }
-        }
+    }
+}
+
+#if 0
+/* Nothing is read before the gates open: any smooth data will do, those of steady travel do best. */
+static void ahead(const road_class_change_gap *gap, R length, const R *N, R V, R *tails, const R *entering, R *y)
+{
+    R values[ROAD_CLASS_CHANGE_LONGEST];
+    for (int q = 0; q < gap->columns; q++) {
+        R *tail = tails + q * STATES;
+        for (int i = 0; i < STATES; i++)
+            tail[i] += entering[q * STATES + i];
+        if (V > K(1e-9))
+            road_class_change_collocate(gap, STATES, N, length / (R)gap->elements / V, tail, values);
+        for (int j = 0; j < gap->elements * gap->modes; j++)
+            for (int i = 0; i < ROAD_CLASS_CHANGE_ROWS; i++) {
+                const R level = (j + 1) % gap->modes < 2 ? tail[i] : K(0.0);
+                y[road_class_change_ground_place(gap, j, q, i)] = V > K(1e-9) ? values[j * STATES + i] : level;
+            }
     }
 }
 #endif
@@ -105,33 +96,25 @@ static void between(const R *parts, const R *map, R *y)
         y[i] = K(0.0);
 #if 0
     const R *N = parts + LAST_PART, V = N[STATES * STATES], *entering = N + STATES * STATES + 1;
-    (void)map;
+    R joined[WIDEST];
 #endif
     for (int track = 0; track < TRACKS; track++) {
         for (int i = 0; i < COPIES * WIDEST; i++)
             tails[i] = K(0.0);
+#if 0
+        for (int i = 0; i < WIDEST; i++)
+            joined[i] = K(0.0);
+#endif
         for (int k = 0; k + 1 < tracks[track].count; k++, gap++) {
             const R length = parts[tracks[track].distances + k];
-#if 0
-            /* nothing is read before the gates open: any smooth data will do, those of steady travel do best */
-            R values[LONGEST];
-            for (int q = 0; q < gap->columns; q++) {
-                R *tail = tails + q * STATES;
-                for (int i = 0; i < STATES; i++)
-                    tail[i] += *entering++;
-                if (V > K(1e-9))
-                    collocate(gap, STATES, N, length / (R)gap->elements / V, tail, values);
-                for (int j = 0; j < gap->elements * gap->nodes; j++)
-                    for (int i = 0; i < STATES; i++)
-                        y[gap->first + (j * gap->columns + q) * STATES + i] =
-                            V > K(1e-9) ? values[j * STATES + i] : tail[i];
-            }
-#else
             const int here = tracks[track].members[k], r = copies[here].states;
             for (int i = 0; i < r * gap->columns; i++)
                 tails[k * WIDEST + i] = parts[copies[here].parts + 2 * r * r + i];
             for (int c = 0; c <= k; c++)
                 behind(gap, length, parts, map, tracks[track].members[c], tails + c * WIDEST, y);
+#if 0
+            ahead(gap, length, N, V, joined, entering, y);
+            entering += STATES * gap->columns;
 #endif
         }
     }

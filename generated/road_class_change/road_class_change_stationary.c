@@ -326,7 +326,7 @@ static int dies_out(road_class_change_stationary_work *work)
         R largest = K(1.0);
         for (int i = 0; i < SIZE; i++) {
             random = (random * 1103515245UL + 12345UL) & 0x7fffffffUL;
-            x[i] = random & 0x10000UL ? K(1.0) : K(-1.0);
+            x[i] = i >= ROAD_CLASS_CHANGE_ACTIVE ? K(0.0) : random & 0x10000UL ? K(1.0) : K(-1.0);
         }
         for (; largest > K(1e-8) && count < 20000; count++) {
             for (int i = 0; i < SIZE; i++)
@@ -421,8 +421,10 @@ static road_class_change_status refine(road_class_change_stationary_problem *pro
             exact[i] = y[i];
         road_class_change_travelled(problem->t, problem->s, problem->speed, p, exact);
         road_class_change_held_rate(problem->t, problem->s, problem->speed, exact, p, rate);
-        for (int i = ROAD_CLASS_CHANGE_HEAD; i < SIZE; i++)
+        for (int i = ROAD_CLASS_CHANGE_HEAD; i < ROAD_CLASS_CHANGE_ACTIVE; i++)
             work->vectors[CORRECTION][i] = rate[i];
+        for (int i = ROAD_CLASS_CHANGE_ACTIVE; i < SIZE; i++)
+            y[i] = exact[i];
         status = newton(problem, p, y, 20);
     }
     return status;
@@ -442,6 +444,9 @@ road_class_change_status road_class_change_stationary(road_class_change_stationa
         nothing = nothing && y[i] == K(0.0);
     for (int i = 0; nothing && i < STATES; i++)
         y[road_class_change_covariance(i, i)] = K(1e-8);
+#if 0 > 0
+    road_class_change_know_ground(problem->t, problem->s, p, y);
+#endif
     for (int i = 0; i < SIZE; i++)
         start[i] = y[i];
     for (int i = 0; i < SIZE; i++)

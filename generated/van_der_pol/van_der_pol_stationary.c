@@ -326,7 +326,7 @@ static int dies_out(van_der_pol_stationary_work *work)
         R largest = K(1.0);
         for (int i = 0; i < SIZE; i++) {
             random = (random * 1103515245UL + 12345UL) & 0x7fffffffUL;
-            x[i] = random & 0x10000UL ? K(1.0) : K(-1.0);
+            x[i] = i >= VAN_DER_POL_ACTIVE ? K(0.0) : random & 0x10000UL ? K(1.0) : K(-1.0);
         }
         for (; largest > K(1e-8) && count < 20000; count++) {
             for (int i = 0; i < SIZE; i++)
@@ -421,8 +421,10 @@ static van_der_pol_status refine(van_der_pol_stationary_problem *problem, const 
             exact[i] = y[i];
         van_der_pol_travelled(problem->t, problem->s, problem->speed, p, exact);
         van_der_pol_held_rate(problem->t, problem->s, problem->speed, exact, p, rate);
-        for (int i = VAN_DER_POL_HEAD; i < SIZE; i++)
+        for (int i = VAN_DER_POL_HEAD; i < VAN_DER_POL_ACTIVE; i++)
             work->vectors[CORRECTION][i] = rate[i];
+        for (int i = VAN_DER_POL_ACTIVE; i < SIZE; i++)
+            y[i] = exact[i];
         status = newton(problem, p, y, 20);
     }
     return status;
@@ -442,6 +444,9 @@ van_der_pol_status van_der_pol_stationary(van_der_pol_stationary_problem *proble
         nothing = nothing && y[i] == K(0.0);
     for (int i = 0; nothing && i < STATES; i++)
         y[van_der_pol_covariance(i, i)] = K(1e-8);
+#if 0 > 0
+    van_der_pol_know_ground(problem->t, problem->s, p, y);
+#endif
     for (int i = 0; i < SIZE; i++)
         start[i] = y[i];
     for (int i = 0; i < SIZE; i++)

@@ -326,7 +326,7 @@ static int dies_out(@p@_stationary_work *work)
         R largest = K(1.0);
         for (int i = 0; i < SIZE; i++) {
             random = (random * 1103515245UL + 12345UL) & 0x7fffffffUL;
-            x[i] = random & 0x10000UL ? K(1.0) : K(-1.0);
+            x[i] = i >= @P@_ACTIVE ? K(0.0) : random & 0x10000UL ? K(1.0) : K(-1.0);
         }
         for (; largest > K(1e-8) && count < 20000; count++) {
             for (int i = 0; i < SIZE; i++)
@@ -421,8 +421,10 @@ static @p@_status refine(@p@_stationary_problem *problem, const R *p, R *y)
             exact[i] = y[i];
         @p@_travelled(problem->t, problem->s, problem->speed, p, exact);
         @p@_held_rate(problem->t, problem->s, problem->speed, exact, p, rate);
-        for (int i = @P@_HEAD; i < SIZE; i++)
+        for (int i = @P@_HEAD; i < @P@_ACTIVE; i++)
             work->vectors[CORRECTION][i] = rate[i];
+        for (int i = @P@_ACTIVE; i < SIZE; i++)
+            y[i] = exact[i];
         status = newton(problem, p, y, 20);
     }
     return status;
@@ -442,6 +444,9 @@ static @p@_status refine(@p@_stationary_problem *problem, const R *p, R *y)
         nothing = nothing && y[i] == K(0.0);
     for (int i = 0; nothing && i < STATES; i++)
         y[@p@_covariance(i, i)] = K(1e-8);
+#if @gaps@ > 0
+    @p@_know_ground(problem->t, problem->s, p, y);
+#endif
     for (int i = 0; i < SIZE; i++)
         start[i] = y[i];
     for (int i = 0; i < SIZE; i++)
