@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 
 from cadet_sym.cache import Shelf
+from cadet_sym.lowering.carried import WIDEST, carried_code, head
 from cadet_sym.lowering.facts import Facts
 from cadet_sym.lowering.llvm import intermediate
 from cadet_sym.lowering.machine import MachineCode, available, machine_code
@@ -105,12 +106,14 @@ class MomentFunctions:
             return None
         if name == "rate" and self.large:
             return structured_rate(self.ingredients, self._shelf)
-        function = getattr(self, name)
+        loops = self.facts.delay is not None and self.facts.delay.rows <= WIDEST
+        function = getattr(self, f"{name}_head" if loops else name)
         if (count := function.n_instructions()) > (LARGEST if self.jit else LARGE):
             return None
         thorough = self.jit or count <= SMALL
         with contextlib.suppress(ValueError):  # an operation that only CasADi knows
-            return machine_code(intermediate(function, name), name, shelf=self._shelf, effort=int(thorough))
+            text = carried_code(self, function, name) if loops else intermediate(function, name)
+            return machine_code(text, name, shelf=self._shelf, effort=int(thorough))
         return None
 
     @cached_property
@@ -151,6 +154,21 @@ class MomentFunctions:
         from cadet_sym.lowering.held import free_rate
 
         return free_rate(self)
+
+    @_kept
+    def parts(self) -> ca.Function:
+        """(t, y, p) -> dy/dt of what goes before the ground between the wheels, N, and what moves that ground."""
+        return self.symbolic.parts
+
+    @_kept
+    def rate_head(self) -> ca.Function:
+        """(t, y, [p; y known]) -> dy/dt of what goes before the ground between the wheels, and what moves that ground."""
+        return head(self, free=False)
+
+    @_kept
+    def free_rate_head(self) -> ca.Function:
+        """(t, y free, [p; y held]) -> the same of the free moments."""
+        return head(self, free=True)
 
     @_kept
     def outputs(self) -> ca.Function:

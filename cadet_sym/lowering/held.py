@@ -22,16 +22,16 @@ def free_entries(lowered: MomentFunctions) -> ca.Function:
     """() -> the packed moments that are to be integrated; the others may stay if their rates vanish at the start.
 
     Left out is what depends, in its rate, on nothing but itself, the speed and the parameters: the covariance of each
-    copy of the ground's filter, and its mean.
+    copy of the ground's filter, and its mean; and what is known of the ground between wheels.
     """
     packing = lowered.facts.packing
     ground = {i for place in lowered.facts.filters for i in range(place.start, place.start + place.size)}
     rows, columns = packing.triangle
     means = [i for i in range(packing.n) if i in ground]
     pairs = [packing.n + k for k, pair in enumerate(zip(rows, columns, strict=True)) if ground.issuperset(pair)]
-    held: set[int] = set()
+    held = set(range(packing.size - packing.known, packing.size))
     if not lowered.facts.smooth:
-        held = {i for group in (means, pairs) if group and _alone(lowered, group) for i in group}
+        held |= {i for group in (means, pairs) if group and _alone(lowered, group) for i in group}
     free = [i for i in range(packing.size) if i not in held]
     return ca.Function("free", [], [ca.DM(free)], [], ["free"])
 
