@@ -35,16 +35,16 @@ enum {
 };
 
 /* Operations of one evaluation; they do not depend on the data.
- * rate: 628 additions, 76 comparisons, 111 divisions, 2 function calls, 693 multiplications, 2 square roots
- * jacobian: 3111 additions, 632 comparisons, 554 divisions, 2 function calls, 4814 multiplications, 2 square
+ * rate: 628 additions, 76 comparisons, 111 divisions, 2 function calls, 697 multiplications, 2 square roots
+ * jacobian: 3119 additions, 632 comparisons, 554 divisions, 2 function calls, 4782 multiplications, 2 square
  *   roots
- * outputs: 1003 additions, 462 comparisons, 139 divisions, 44 function calls, 972 multiplications, 9 square
+ * outputs: 1003 additions, 462 comparisons, 139 divisions, 44 function calls, 1000 multiplications, 9 square
  *   roots
  * rate, the ground between the wheels: 9536 additions and multiplications
  */
 enum {
-    HALF_CAR_ACCELERATION_RATE_OPERATIONS = 11048,
-    HALF_CAR_ACCELERATION_OUTPUT_OPERATIONS = 2629
+    HALF_CAR_ACCELERATION_RATE_OPERATIONS = 11052,
+    HALF_CAR_ACCELERATION_OUTPUT_OPERATIONS = 2657
 };
 
 enum { /* states */
@@ -180,6 +180,7 @@ typedef struct {
     half_car_acceleration_real size[HALF_CAR_ACCELERATION_SIZE];
     half_car_acceleration_real stages[7][HALF_CAR_ACCELERATION_SIZE];
     half_car_acceleration_real trial[HALF_CAR_ACCELERATION_SIZE];
+    int settled; /* moments of the ground's filters that stay as they are */
     int fresh; /* stages[0] holds the rate at (t, y) */
 } half_car_acceleration_run;
 
@@ -206,7 +207,7 @@ typedef struct {
 
 typedef struct {
     half_car_acceleration_real speed;    /* held constant; of no meaning without ground */
-    half_car_acceleration_real t, s;     /* instant and place at which explicit dependence is frozen */
+    half_car_acceleration_real t, s;     /* instant and place at which explicit dependence is frozen (default 0) */
     int most_steps;    /* of each method (default 200) */
     half_car_acceleration_real residual; /* of the moment equations over the size of their own terms */
     int steps;
@@ -216,6 +217,9 @@ typedef struct {
 } half_car_acceleration_stationary_problem;
 
 void half_car_acceleration_stationary_begin(half_car_acceleration_stationary_problem *problem, half_car_acceleration_real speed, half_car_acceleration_stationary_work *work);
+
+/* 1: rates depend on t or s, so that nothing is stationary but with both frozen. */
+enum { HALF_CAR_ACCELERATION_EXPLICIT = 0 };
 
 /* Stationary moments near y (Newton, then pseudo-transient continuation); with all of y zero, from next to none. */
 half_car_acceleration_status half_car_acceleration_stationary(half_car_acceleration_stationary_problem *problem, const half_car_acceleration_real *p, half_car_acceleration_real *y);
