@@ -250,7 +250,7 @@ def validate(
         short = None
         try:
             simulation = cs.simulate(
-                compiled, count, seed=seed, control=control, target=target or 0.01, time_limit=time_limit,
+                compiled, count, seed=seed, control=control, target=0.01 if target is None else target, time_limit=time_limit,
                 progress=sys.stderr.isatty(),
             )  # fmt: skip
         except SolverError as error:

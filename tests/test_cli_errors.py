@@ -137,6 +137,7 @@ ARGUMENTS = {
     "some paths": ("validate", ["--paths", "some"], ["--paths some", "a whole number or auto"]),
     "target of a number of paths": ("validate", ["--target", "0.1"], ["--target 0.1", "give --paths auto"]),
     "no target": ("validate", ["--paths", "auto", "--target", "-1"], ["`target`", "greater than zero"]),
+    "target of nothing": ("validate", ["--paths", "auto", "--target", "0"], ["`target`", "greater than zero"]),
     "sweep of nothing": ("stationary", ["--sweep", "k=1:2"], ["--sweep k=1:2", "NAME=LO:HI:N"]),
     "sweep of no parameter": ("stationary", ["--sweep", "kk=1:2:3"], ["kk"]),
     "figure of one solution": ("stationary", ["--plot", "run.png"], ["--sweep"]),

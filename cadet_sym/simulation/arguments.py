@@ -15,7 +15,9 @@ from cadet_sym.language.model import Model
 __all__ = ["CHECKED", "check_numbers", "checked_scheme", "choose_engine", "increasing", "output_times", "places_of"]
 
 _LEAST = {"paths": 2, "seed": 0, "keep": 0, "threads": 1}
-CHECKED = ("seed", "step", "level", "keep", "run_in", "threads", "target", "time_limit")  # numbers among the options
+_FROM_ZERO = ("run_in", "average_from")
+# Numbers among the options.
+CHECKED = ("seed", "step", "level", "keep", "run_in", "average_from", "threads", "target", "time_limit")
 
 
 def check_numbers(**given: Any) -> None:
@@ -26,12 +28,13 @@ def check_numbers(**given: Any) -> None:
         if name in _LEAST:
             whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
             if not whole or value < _LEAST[name]:
-                raise ModelError(f"simulate: `{name}` is a whole number, {_LEAST[name]} or more; found {value!r}")
+                other = ', or "auto"' if name == "paths" else ""
+                raise ModelError(f"simulate: `{name}` is a whole number, {_LEAST[name]} or more{other}; found {value!r}")
         elif name == "level":
             if not _is_number(value) or not 0.0 < value < 1.0:
                 raise ModelError(f"simulate: `level` is a probability between 0 and 1; found {value!r}")
-        elif not _is_number(value) or value < 0.0 or (value == 0.0 and name != "run_in"):
-            what = "not negative" if name == "run_in" else "greater than zero"
+        elif not _is_number(value) or value < 0.0 or (value == 0.0 and name not in _FROM_ZERO):
+            what = "not negative" if name in _FROM_ZERO else "greater than zero"
             kind = "number" if name == "target" else "time"
             raise ModelError(f"simulate: `{name}` is a {kind} {what}; found {value!r}")
 

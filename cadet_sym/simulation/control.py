@@ -194,7 +194,7 @@ class ControlTally:
         unlikely = np.abs(means[:, 2:]) > _UNLIKELY * spreads[:, 2:]
         moved = np.where(unlikely[..., None], np.abs(beta * means[:, 2:, None]), 0.0).max(axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):
-            part = np.where(moved > 0.0, moved / spreads[:, :2], 0.0)
+            part = np.where((moved > 0.0) & self.prefer.T, moved / spreads[:, :2], 0.0)
         return moved.T, float(part.max(initial=0.0))
 
 

@@ -16,7 +16,7 @@ from typing import Any, Literal
 import numpy as np
 
 from cadet_sym.augmentation import AugmentedSystem, augment
-from cadet_sym.errors import SolverError
+from cadet_sym.errors import ModelError, SolverError
 from cadet_sym.language.model import Model
 from cadet_sym.simulation.arguments import check_numbers, checked_scheme, choose_engine, increasing, output_times, places_of
 from cadet_sym.simulation.collect import Collected, Goal, collect, estimates_of
@@ -26,7 +26,7 @@ from cadet_sym.simulation.ensemble import Ensemble, shape_of
 from cadet_sym.simulation.inputs import Input, inputs_of
 from cadet_sym.simulation.plan import Plan, Problem
 from cadet_sym.simulation.riders import CrossingRider
-from cadet_sym.simulation.statistics import interval_factor
+from cadet_sym.simulation.statistics import Moments, interval_factor
 from cadet_sym.simulation.steps import Chosen, Precision, choose_step
 from cadet_sym.simulation.twin import Twin
 from cadet_sym.simulation.workers import Task, records_in_parts
@@ -112,7 +112,7 @@ def simulate(
     count = None if paths == "auto" else paths
     check_numbers(
         paths=count, seed=seed, step=step, level=level, keep=keep, run_in=run_in, threads=threads,
-        target=target, time_limit=time_limit,
+        target=target, time_limit=time_limit, average_from=average_from,
     )  # fmt: skip
     engine, scheme = choose_engine(engine), checked_scheme(scheme)
     crossings = _crossing_riders(system, increasing(levels or {}, "levels"))
@@ -163,6 +163,8 @@ def _watched(problem: Problem, names: Sequence[str] | None) -> tuple[int, ...]:
     if names is None:
         outputs = tuple(range(len(problem.system.states), problem.asked))
         return outputs or tuple(range(problem.system.vehicle_size))
+    if not names:
+        raise ModelError("simulate: `watch` names nothing; give the states and outputs whose limits count, or leave it out")
     return tuple(places_of(names, problem.names[: problem.asked], "watch"))
 
 
@@ -204,9 +206,14 @@ def _ensemble(
         average=None if tallies.average is None else tallies.results(found, {"": tallies.average})[""],
         inputs={each.text: shape_of(each, moments, row) for row, each in enumerate(inputs, asked)},
         run_in=chosen.run_in,
-        notes=_notes(chosen, doubted, found, problem.twin is None and twin_given),
+        notes=_notes(chosen, doubted, found, problem.twin is None and twin_given and _varies(moments)),
         **known,
     )
+
+
+def _varies(moments: Moments) -> bool:
+    """Whether there is anything in the paths but rounding."""
+    return bool((moments.second > 1e-24 * moments.count[:, None] * moments.mean**2).any())
 
 
 def _notes(chosen: Chosen, doubted: Sequence[str], found: Collected, given_up: bool) -> tuple[str, ...]:

@@ -18,6 +18,7 @@ from cadet_sym.simulation.rules import Linear, closure, split_linear
 __all__ = ["SHORTEST", "Rates", "choose_scheme"]
 
 _VEHICLE, _GROUND = 0.05, 0.5  # first choice: step times the fastest rate of each
+_SLOW, _NOTHING = 0.1, 1e-6  # step times the slowest linear rate; of the fastest: what is no rate
 _LEAST = 64  # steps of a run
 SHORTEST = 1e-7  # of the run
 _STIFF = 8.0  # times longer steps, for which the linear terms are taken exactly
@@ -42,11 +43,19 @@ class Rates:
 
     def linear(self, linear: Linear, begin: Iterable[int] | None = None) -> float:
         """Largest rate of the vehicle's linear terms alone; of the states that are reached from some of them, if given."""
+        return float(np.abs(self._linear_modes(linear, begin)).max(initial=0.0))
+
+    def slowest(self, linear: Linear) -> float:
+        """Least rate of the vehicle's linear terms that is not nothing; 0 if there is none."""
+        rates = np.abs(self._linear_modes(linear))
+        return float(min(rates[rates > _NOTHING * rates.max(initial=0.0)], default=0.0))
+
+    def _linear_modes(self, linear: Linear, begin: Iterable[int] | None = None) -> np.ndarray:
         nv, run = self.system.vehicle_size, np.array([0.0, 0.5 * self.duration, self.duration])
         reach = closure(nv, linear.vehicle)[:, list(range(nv) if begin is None else begin)]
         reached = np.flatnonzero(reach.any(axis=1))
         A = self._linear(linear, run)[:, reached][:, :, reached]
-        return float(np.abs(np.linalg.eigvals(A)).max(initial=0.0))
+        return np.linalg.eigvals(A)
 
     def _roughly_kicked(self, separated: Separated) -> set[int]:
         """States that are kicked by what white noise drives."""
@@ -75,14 +84,13 @@ class Rates:
     def first_step(self, linear: Linear | None, separated: Separated) -> float:
         """Step from the fastest rates: h = min(0.05 / vehicle's, 0.5 / ground's, a sixty-fourth of the run).
 
-        The vehicle's linear terms, taken exactly, ask for no step, but those that a rough ground kicks for h = 1 / theirs:
-        within a step its parabola holds back what is rougher.
+        Linear terms that are taken exactly ask for 0.1 / the slowest of them, the others having to do with the nonlinear
+        ones as well; and for 1 / the fastest of those that a rough ground kicks: its parabola holds back what is rougher.
         """
-        limits = [self.duration / _LEAST]
-        kicked = 0.0 if linear is None else self.linear(linear, self._roughly_kicked(separated))
-        for part, rate in ((_VEHICLE, self.vehicle(linear)), (_GROUND, self.ground()), (1.0, kicked)):
-            if rate > 0.0:
-                limits.append(part / rate)
+        rates = [(_VEHICLE, self.vehicle(linear)), (_GROUND, self.ground())]
+        if linear is not None:
+            rates += [(_SLOW, self.slowest(linear)), (1.0, self.linear(linear, self._roughly_kicked(separated)))]
+        limits = [self.duration / _LEAST, *(part / rate for part, rate in rates if rate > 0.0)]
         return max(min(limits), 10.0 * SHORTEST * self.duration)
 
     def _modes(self, time: np.ndarray, linear: Linear | None = None) -> list[np.ndarray]:
