@@ -121,13 +121,69 @@ def test_the_model_file_gives_the_model_back():
 @pytest.mark.parametrize(
     ("table", "message"),
     [
-        ("numerator = [1.2]\ndenominator = [1.0]", "negative"),
+        ("numerator = [1.2]\ndenominator = [1.0]", "lies between -1 and 1"),
         ("numerator = [1.0]\ndenominator = [1.0, 0.5]", "even"),
         ("width = -1", "positive width"),
         ("width = 1.0\nnumerator = [1.0]", "numerator"),
-        ("numerator = [1.0, 0, 1.0]\ndenominator = [1.0]", "negative"),
+        ("numerator = [1.0, 0, 1.0]\ndenominator = [1.0]", "lies between -1 and 1"),
     ],
 )
 def test_a_coherence_that_cannot_be_is_refused(table, message):
     with pytest.raises(cs.ModelError, match=message):
         loads("schema = 1\n" + MODEL.format(coherence=COHERENT + table))
+
+
+SAYS = {
+    "above 1": ("numerator = [1.0, 0, 3.0]\ndenominator = [1.0, 0, 1.0, 0, 1.0]", "1.333 at the wavenumber 1"),
+    "below -1": ("numerator = [-2.0]\ndenominator = [1.0, 0, 1.0]", "-2 at the wavenumber 0"),
+    "infinite": ("numerator = [1.0]\ndenominator = [4.0, 0, -1.0]", "denominator of this one is 0 at the wavenumber 2"),
+}
+
+
+def three_tracks(tracks: str, coherence: str = "width = 1.5") -> cs.Model:
+    return loads(
+        f"""
+        schema = 1
+        name = "three tracks"
+        [rates]
+        x = "v"
+        v = "-60*x - 3*v + 20*(a + b + c + d)"
+        [contacts]
+        a = {{ track = "left" }}
+        b = {{ track = "right" }}
+        c = {{ track = "trailer" }}
+        d = {{ track = "trailer", setback = 2.0 }}
+        [ground]
+        kind = "exponential"
+        sigma = 0.02
+        cutoff = 0.3
+        rolling_contact = 3.0
+        [ground.coherence]
+        tracks = [{tracks}]
+        {coherence}
+        [travel]
+        speed = 5
+        [run]
+        duration = 1.0
+        """
+    )
+
+
+@pytest.mark.parametrize("case", SAYS)
+def test_a_coherence_that_is_none_is_refused_with_the_wavenumber(case):
+    coherence, words = SAYS[case]
+    with pytest.raises(cs.ModelError, match=words):
+        three_tracks('"left", "right"', coherence)
+
+
+def test_coherence_of_a_track_without_wheels_is_refused():
+    with pytest.raises(cs.ModelError, match="no contact is on track `rigth`; did you mean `right`"):
+        three_tracks('"left", "rigth"')
+
+
+def test_a_third_track_apart_from_a_coherent_pair_is_independent():
+    history = cs.compile(three_tracks('"left", "right"')).propagate([0.0, 1.0], rtol=1e-9)
+    pair = [name for name in history.states if name.startswith(("a.", "b."))]
+    for name in pair:
+        assert history.covariance[name, "c.height"] == pytest.approx(0.0, abs=1e-18)
+    assert history.variance["c.height"][1] == pytest.approx(0.02**2 * 3.0 / 3.3, rel=1e-8)

@@ -522,6 +522,11 @@ def test_a_fit_finds_the_dominant_wave_of_a_road():
     assert 0.65 < peak < 0.95
 
 
+def test_a_spectrum_that_is_negative_only_at_large_wavenumbers_is_refused_there():
+    with pytest.raises(ModelError, match=r"negative at the wavenumber 2\.449: the numerator is -3 there"):
+        spectral_factor([3.0, 0.0, -1.0], [1.0, 0.0, 2.0, 0.0, 1.0])
+
+
 @pytest.mark.parametrize("order", [2, 4, 5])
 def test_a_fitted_road_does_not_depend_on_rounding(order):
     from cadet_sym.language.roadfit import fit_profile

@@ -91,3 +91,34 @@ def test_a_nonlinear_half_car_lies_within_the_limits_of_its_simulation():
         of_variance = np.abs(history.variance[name][1:] - truth.variance[name]) / truth.variance_standard_error[name]
         assert (of_mean < 4.0).all(), name
         assert (of_variance < 4.0).all(), name
+
+
+def test_wheels_on_ground_that_varies_start_on_one_and_the_same_ground():
+    model = toml(
+        """
+        name = "three wheels"
+        [rates]
+        x = "v"
+        v = "-60*x - 3*v + 20*(a + b + c)"
+        [contacts]
+        a = {}
+        b = { setback = 1.7 }
+        c = { setback = 3.0 }
+        [ground]
+        kind = "shaping_filter"
+        rates = { h = "p", p = "-3*p - 2*h + w*(1 + 0.5*sin(s))" }
+        noise = { w = 1e-3 }
+        height = "h"
+        [travel]
+        speed = "4 + t"
+        [run]
+        duration = 3.0
+        """
+    )
+    history = cs.compile(model).propagate(np.linspace(0, 3, 7))
+    P = history.state_covariance
+    assert (np.linalg.eigvalsh(P)[:, 0] >= -1e-12 * np.trace(P, axis1=1, axis2=2)).all()
+    truth = cs.simulate(model, paths=4000, seed=2, times=[1.0, 3.0])
+    for name in truth.states:
+        found = np.interp([1.0, 3.0], history.time, history.variance[name])
+        assert (np.abs(found - truth.variance[name]) < 4 * truth.variance_standard_error[name]).all(), name

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import sympy as sp
 
 from cadet_sym.errors import ModelError
 from cadet_sym.language.ground import Ground
+from cadet_sym.language.names import did_you_mean
 from cadet_sym.language.needs import find_circle, parameter_values
 from cadet_sym.language.places import Places
 from cadet_sym.language.roughness import check_noise
@@ -46,9 +47,21 @@ def structure(model: Model) -> None:
             _within(places.intensity(), entry, table="noise", key="intensity")
     if model.ground is not None:
         ground_names(model.ground, places)
+        _coherent_tracks(model.ground, [where.track for where in vehicle.contacts.values()])
     _initial(model, places)
     check_noise(model)
     _within(places.number("the duration"), model.run.duration, table="run", key="duration")
+
+
+def _coherent_tracks(ground: Ground, tracks: Sequence[str]) -> None:
+    """Coherence is that of tracks on which there are wheels."""
+    for name in ground.coherence.tracks if ground.coherence else ():
+        if name not in tracks:
+            raise ModelError(
+                f"no contact is on track `{name}`{did_you_mean(name, sorted(set(tracks)))}",
+                table="ground.coherence",
+                key="tracks",
+            )
 
 
 def model_places(model: Model) -> Places:

@@ -20,7 +20,7 @@ import sympy as sp
 from cadet_sym.errors import ModelError
 from cadet_sym.language.names import exact
 from cadet_sym.language.shaping import ShapingFilter
-from cadet_sym.language.spectrum import even, left_roots, not_negative
+from cadet_sym.language.spectrum import dip, even, left_roots
 
 __all__ = ["ISOTROPIC_ERROR", "Coherence", "coloured"]
 
@@ -50,9 +50,22 @@ class Coherence:
         where = {"table": "ground.coherence", "key": "tracks"}
         if len(self.tracks) != 2 or len(set(self.tracks)) != 2:
             raise ModelError("the names of two different tracks are wanted", **where)
-        for numerator, _ in self.factors():
-            if numerator.any():
-                not_negative(numerator, "coherence: 1 - |gamma|", strictly=False)
+        poles = np.roots(self.factors()[0][1][::-1])
+        if (real := poles[(poles.imag == 0) & (poles.real >= 0)].real).size:
+            raise ModelError(
+                f"a coherence is finite, and the denominator of this one is 0 at the wavenumber {np.sqrt(real.min()):.4g}",
+                table="ground.coherence",
+                key="denominator",
+            )
+        for sign, (numerator, denominator) in zip((-1, 1), self.factors(), strict=True):
+            if numerator.any() and (found := dip(numerator, strictly=False)) is not None:
+                kappa, value = found  # of D (1 - sign gamma) / 2
+                gamma = sign * (1 - 2 * value / np.polynomial.Polynomial(denominator)(kappa**2))
+                raise ModelError(
+                    f"a coherence lies between -1 and 1, and this one is {gamma:.4g} at the wavenumber {kappa:.4g}",
+                    table="ground.coherence",
+                    key="numerator",
+                )
 
     @classmethod
     def isotropic(cls, tracks: Sequence[str], width: Any) -> Coherence:

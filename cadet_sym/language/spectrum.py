@@ -65,20 +65,26 @@ def even(coefficients: Sequence[float], key: str) -> np.ndarray:
 
 def not_negative(c: np.ndarray, key: str, *, strictly: bool) -> None:
     """Refuse a polynomial in x = kappa^2 that is negative for some x >= 0 (or zero for some x > 0)."""
-    polynomial = np.polynomial.Polynomial(c)
+    if (found := dip(c, strictly=strictly)) is not None:
+        kappa, value = found
+        what = "infinite" if strictly and abs(value) <= _TOUCH * np.abs(c).max() else "negative"
+        raise ModelError(
+            f"the spectrum is {what} at the wavenumber {kappa:.4g}: the {key} is {value:.4g} there", table="ground", key=key
+        )
+
+
+def dip(c: np.ndarray, *, strictly: bool) -> tuple[float, float] | None:
+    """Where a polynomial in x = kappa^2, x >= 0, is negative (or, strictly, zero but at 0): kappa and its value there."""
+    polynomial, size = np.polynomial.Polynomial(c), np.polynomial.Polynomial(np.abs(c))
     slopes = polynomial.deriv().roots() if len(c) > 1 else np.array([])
-    turning = [x.real for x in slopes if abs(x.imag) < 1e-7 * max(1.0, abs(x)) and x.real > 0]
-    size = np.polynomial.Polynomial(np.abs(c))
-    for x in [0.0, *turning]:
-        value, scale = polynomial(x), size(x)
-        touches = x > 0 and abs(value) <= _TOUCH * scale
-        if value < -_TOUCH * scale or c[-1] < 0 or (strictly and touches):
-            what = "infinite" if strictly and touches else "negative"
-            raise ModelError(
-                f"the spectrum is {what} at the wavenumber {np.sqrt(x):.4g}: the {key} is {value:.4g} there",
-                table="ground",
-                key=key,
-            )
+    places = [0.0, *(x.real for x in slopes if abs(x.imag) < 1e-7 * max(1.0, abs(x)) and x.real > 0)]
+    if c[-1] < 0 and len(c) > 1:
+        places.append(2 * max(1.0, *(abs(x) for x in polynomial.roots())))  # beyond its last root
+    for x in places:
+        value, scale = float(polynomial(x)), float(size(x))
+        if value < -_TOUCH * scale or (strictly and x > 0 and abs(value) <= _TOUCH * scale):
+            return float(np.sqrt(x)), value
+    return None
 
 
 def left_roots(c: np.ndarray) -> np.ndarray:

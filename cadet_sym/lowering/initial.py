@@ -49,9 +49,14 @@ def initial_moments(lowered: LoweredSystem, linear_solver: str = "qr") -> ca.Fun
 
 
 def filter_matrices(lowered: LoweredSystem, copy: FilterCopy) -> ca.Function:
-    """p -> C, D Q D^T, D of one filter copy where it stands at the start."""
+    """p -> C, D Q D^T, D of one filter copy at the start: where the rearmost wheel of its track stands.
+
+    Were each copy taken at its own place, where coefficients vary, the wheels would not meet one and the same ground.
+    """
     p, env = _start_environment(lowered)
-    here = {DISTANCE: env[DISTANCE] - to_casadi(copy.setback, env)}
+    system = lowered.equations.quasi_linear.system
+    behind = [other.setback for other in system.copies if other.track == copy.track]
+    here = {DISTANCE: env[DISTANCE] - to_casadi(max(behind, key=system.model.number), env)}
     C, D, Q = (_dense(m, {**env, **here}) for m in (copy.filter.C, copy.filter.D, copy.filter.Q))
     return ca.Function("filter", [p], [C, ca.mtimes([D, Q, D.T]), D], ["p"], ["C", "DQD", "D"])
 
@@ -114,8 +119,8 @@ class _GroundStart:
         for a in copies:
             row = []
             for b in copies:
-                r = len(a.filter.states)
-                row.append(self._between(a, b) if a.track == b.track else ca.MX.zeros(r, r))
+                size = len(a.filter.states), len(b.filter.states)
+                row.append(self._between(a, b) if a.track == b.track else ca.MX.zeros(*size))
             rows.append(row)
         return ca.blockcat(rows)
 
