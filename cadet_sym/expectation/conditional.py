@@ -17,7 +17,9 @@ from sympy.logic.boolalg import Boolean
 from cadet_sym.errors import LinearisationError
 from cadet_sym.expectation.nested import Nested, nested
 from cadet_sym.expectation.pieces import Cell, Splitter, has_kinks
+from cadet_sym.expectation.planar import Planar
 from cadet_sym.expectation.quadrature import Wish
+from cadet_sym.expectation.smooth import planar
 from cadet_sym.expectation.tables import written_out
 from cadet_sym.expectation.univariate import Univariate, univariate
 from cadet_sym.language.vocabulary import Lookup
@@ -76,7 +78,7 @@ class _Term:
     functions: tuple[tuple[int, sp.Expr], ...]
 
 
-def products(arguments: tuple[sp.Symbol, ...], body: sp.Expr, where: str, wish: Wish) -> tuple[Product | Nested, ...]:
+def products(arguments: tuple[sp.Symbol, ...], body: sp.Expr, where: str, wish: Wish) -> tuple[Product | Nested | Planar, ...]:
     """Write a function as a sum of terms whose expectation is known.
 
     Raises
@@ -87,7 +89,7 @@ def products(arguments: tuple[sp.Symbol, ...], body: sp.Expr, where: str, wish: 
     if len(arguments) == 1:
         return (Product(sp.S.One, (0,), ((0, univariate(body, arguments[0], where, wish)),)),)
     terms, rest = _separated(arguments, body, where)
-    found: list[Product | Nested] = []
+    found: list[Product | Nested | Planar] = []
     for term in _merged(terms):
         product = _product(term, arguments, where, wish)
         if isinstance(product, Product):
@@ -102,7 +104,9 @@ def products(arguments: tuple[sp.Symbol, ...], body: sp.Expr, where: str, wish: 
     return tuple(found)
 
 
-def _integrated(arguments: tuple[sp.Symbol, ...], used: tuple[int, ...], body: sp.Expr, where: str, wish: Wish) -> Nested:
+def _integrated(
+    arguments: tuple[sp.Symbol, ...], used: tuple[int, ...], body: sp.Expr, where: str, wish: Wish
+) -> Nested | Planar:
     if len(used) > MAX_ARGUMENTS:
         names = ", ".join(str(arguments[i]) for i in used)
         raise LinearisationError(
@@ -110,7 +114,7 @@ def _integrated(arguments: tuple[sp.Symbol, ...], used: tuple[int, ...], body: s
             f"products of functions of one argument each; no more than {MAX_ARGUMENTS} can be integrated over. "
             "Split it: give a part of it a state of its own (a fast first-order filter), or write it as a sum of products"
         )
-    return nested(arguments, used, body, where, wish)
+    return planar(arguments, used, body, wish) or nested(arguments, used, body, where, wish)
 
 
 # -- separation -------------------------------------------------------------------------------------------------------

@@ -44,14 +44,16 @@ class ExpectationWarning(UserWarning):
 
 
 Algebra = Any
-"""What laying out nodes needs of NumPy (`NumpyAlgebra`) or CasADi: exp, sqrt, asinh, fabs, fmin, fmax, where, column,
-geometric, and `frozen`, which makes a value a constant, for the integral does not depend on where it is split."""
+"""What laying out nodes needs of NumPy (`NumpyAlgebra`) or CasADi: exp, log, ceil, sqrt, asinh, fabs, fmin, fmax, where,
+column, geometric, and `frozen`, which makes a value a constant, for the integral does not depend on where it is split."""
 
 
 class NumpyAlgebra:
     """The algebra of arrays, columns of constants against rows of cases."""
 
     exp = staticmethod(np.exp)
+    log = staticmethod(np.log)
+    ceil = staticmethod(np.ceil)
     asinh = staticmethod(np.arcsinh)
     sqrt = staticmethod(np.sqrt)
     fabs = staticmethod(np.fabs)
@@ -67,10 +69,10 @@ class NumpyAlgebra:
         """Constants, one a row."""
         return x[:, None]
 
-    def geometric(self, first: Number, step: Number, count: int) -> tuple[Number, Number]:
-        """exp(first + step n), n < count, and its inverse."""
+    def geometric(self, first: Number, step: Number, count: int, factor: Number = 1.0) -> tuple[Number, Number]:
+        """factor exp(+-(first + step n)), n < count."""
         grow = np.exp(first + step * np.arange(count)[:, None])
-        return grow, 1 / grow
+        return factor * grow, factor / grow
 
 
 @dataclass(frozen=True)

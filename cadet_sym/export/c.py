@@ -94,6 +94,7 @@ def export_c(
     check_folder(path, force=force)
     if fmu:
         check_fmu_tools()
+    lowered = lowered.unrolled()
     written = library(lowered, run, prefix)
     library_files = written.files()
     files: dict[str, str | bytes] = {**library_files}
@@ -108,6 +109,7 @@ def export_c(
 
 def library(lowered: MomentFunctions, run: Run, prefix: str | None = None) -> Library:
     """Translate everything, write nothing."""
+    lowered = lowered.unrolled()
     model = lowered.equations.quasi_linear.system.model
     functions = portable(lowered)
     name = prefix_of(prefix or model.name or "model")

@@ -10,6 +10,8 @@ class CasadiAlgebra:
     """The algebra of SX expressions; nodes are columns."""
 
     exp = staticmethod(ca.exp)
+    log = staticmethod(ca.log)
+    ceil = staticmethod(ca.ceil)
     asinh = staticmethod(ca.asinh)
     sqrt = staticmethod(ca.sqrt)
     fabs = staticmethod(ca.fabs)
@@ -25,11 +27,15 @@ class CasadiAlgebra:
         """Constants, one a row."""
         return ca.DM(x)
 
-    def geometric(self, first: ca.SX, step: ca.SX, count: int) -> tuple[ca.SX, ca.SX]:
-        """exp(first + step n), n < count, and its inverse, from two exponentials."""
-        growing, ratio = [ca.exp(first)], ca.exp(step)
-        falling, inverse = [1 / growing[0]], 1 / ratio
-        for _ in range(count - 1):
-            growing.append(growing[-1] * ratio)
-            falling.append(falling[-1] * inverse)
-        return ca.vertcat(*growing), ca.vertcat(*falling)
+    def geometric(self, first: ca.SX, step: ca.SX, count: int, factor: ca.SX | float = 1.0) -> tuple[ca.SX, ca.SX]:
+        """factor exp(+-(first + step n)), n < count, from two exponentials."""
+        start, ratio = ca.exp(first), ca.exp(step)
+        return self._powers(start * factor, ratio, count), self._powers(factor / start, 1 / ratio, count)
+
+    def _powers(self, first: ca.SX, ratio: ca.SX, count: int) -> ca.SX:
+        """first ratio^n, n < count, one multiplication each, doubling what there is."""
+        column = ca.SX(first)
+        while column.numel() < count:
+            more = column[: min(column.numel(), count - column.numel())] * ratio
+            column, ratio = ca.vertcat(column, more), ratio * ratio
+        return column

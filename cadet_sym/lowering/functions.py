@@ -71,6 +71,16 @@ class MomentFunctions:
         """The moment equations in symbols, and the environment that turns expressions in them into CasADi's."""
         return self._make()
 
+    def unrolled(self) -> MomentFunctions:
+        """The same made of scalar operations alone."""
+        lowered = self.symbolic.unrolled()
+        return self if lowered is self.symbolic else MomentFunctions(self.facts, lambda: lowered)
+
+    @property
+    def calls(self) -> bool:
+        """Whether the rate calls other functions, which find the order of a quadrature by themselves."""
+        return bool(self.rate.find_functions())
+
     @property
     def equations(self) -> MomentEquations:
         """The moment equations in symbols; through them every earlier stage."""
@@ -102,7 +112,7 @@ class MomentFunctions:
         return self._machine[name]
 
     def _compiled(self, name: str) -> MachineCode | None:
-        if not available():
+        if not available() or (name == "rate" and self.calls):
             return None
         if name == "rate" and self.large:
             return structured_rate(self.ingredients, self._shelf)

@@ -55,5 +55,6 @@ def free_rate(lowered: MomentFunctions) -> ca.Function:
     y[free.tolist()] = x
     if len(held):
         y[held.tolist()] = p[count:]
-    rates = ca.cse(ca.densify(lowered.rate(t, y, p[:count])[free.tolist()]))
+    rates = ca.densify(lowered.rate(t, y, p[:count])[free.tolist()])
+    rates = rates if lowered.calls else ca.cse(rates)
     return ca.Function("free_rate", [t, x, p], [rates], ["t", "x", "p"], ["dx"])

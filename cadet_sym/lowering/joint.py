@@ -10,9 +10,12 @@ import sympy as sp
 
 from cadet_sym.expectation.conditional import Product
 from cadet_sym.expectation.describing import DescribingFunction
+from cadet_sym.expectation.nested import Nested
+from cadet_sym.expectation.planar import Planar
 from cadet_sym.lowering.gaussian import Gaussian
 from cadet_sym.lowering.nested import nested_moments
 from cadet_sym.lowering.pair import Pair
+from cadet_sym.lowering.planar import planar_moments
 
 
 @dataclass
@@ -50,7 +53,7 @@ class Joint:
                 moments = _ProductMoments(product, self)
                 F += moments.scale * moments.expectation()
             else:
-                F += nested_moments(product, self)[0]
+                F += self._integrated(product)[0]
         return F
 
     def expectation_and_gain(self, df: DescribingFunction) -> tuple[ca.SX, ca.SX]:
@@ -64,10 +67,13 @@ class Joint:
                 F += scale * moments.expectation()
                 gain = [k + scale * moments.gain(a) for a, k in enumerate(gain)]
             else:
-                value, slopes = nested_moments(product, self)
+                value, slopes = self._integrated(product)
                 F += value
                 gain = [k + slopes.get(a, ca.SX(0)) for a, k in enumerate(gain)]
         return F, ca.vertcat(*gain)
+
+    def _integrated(self, product: Nested | Planar) -> tuple[ca.SX, dict[int, ca.SX]]:
+        return nested_moments(product, self) if isinstance(product, Nested) else planar_moments(product, self)
 
 
 class _ProductMoments:

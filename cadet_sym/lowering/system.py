@@ -19,6 +19,7 @@ from cadet_sym.linearisation import LinearForm, Nonlinearity, OutputForm
 from cadet_sym.lowering.delay import ground_rates, transport, wheel_forcing
 from cadet_sym.lowering.elements import element_function
 from cadet_sym.lowering.expressions import to_casadi
+from cadet_sym.lowering.unrolled import unrolled
 from cadet_sym.moments import MomentEquations
 
 __all__ = ["LoweredSystem", "lower"]
@@ -34,6 +35,11 @@ class LoweredSystem:
 
     equations: MomentEquations
     parameters: tuple[str, ...]  # those with a number of their own: the entries of p
+
+    def unrolled(self) -> LoweredSystem:
+        """The same with nothing but scalar operations: expectations that find their order when called get a fixed one."""
+        equations = unrolled(self.equations)
+        return self if equations is self.equations else LoweredSystem(equations, self.parameters)
 
     @cached_property
     def rate(self) -> ca.Function:

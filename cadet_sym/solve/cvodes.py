@@ -80,7 +80,8 @@ class Direct:
         t, x = ca.SX.sym("t"), ca.SX.sym("x", n)
         p = ca.SX.sym("p", count + n + 1)
         size, begin = p[count : count + n], p[count + n]
-        ode = ca.cse(self.lowered.rate(begin + t, size * x, p[:count]) / size)
+        ode = self.lowered.rate(begin + t, size * x, p[:count]) / size
+        ode = ode if self.lowered.calls else ca.cse(ode)
         options: dict[str, Any] = {
             "reltol": self.tolerance.relative,
             "abstol": self.tolerance.absolute * self.tolerance.relative,
