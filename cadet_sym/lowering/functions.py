@@ -118,7 +118,7 @@ class MomentFunctions:
             return structured_rate(self.ingredients, self._shelf)
         loops = self.facts.delay is not None and self.facts.delay.rows <= WIDEST
         function = getattr(self, f"{name}_head" if loops else name)
-        if (count := function.n_instructions()) > (LARGEST if self.jit else LARGE):
+        if (count := function.n_instructions()) > (LARGEST if self.jit else LARGE) or function.find_functions():
             return None
         thorough = self.jit or count <= SMALL
         with contextlib.suppress(ValueError):  # an operation that only CasADi knows
