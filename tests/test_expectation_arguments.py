@@ -173,3 +173,52 @@ def test_nothing_is_warned_of_where_nothing_is_wrong():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         compiled("abs(y)*abs(x)**0.5*x")
+
+
+JUMPS = [
+    "x if x > y else y**2", "sign(x*y - 1)*x", "y if y > x**2 else -1", "1 if x > 0 and x > y else 0", "sign(x**2 + y**2 - 1)",
+]  # fmt: skip
+
+
+CURVES = pytest.mark.filterwarnings("ignore:.*lie on curves")
+
+
+@CURVES
+@pytest.mark.parametrize("text", JUMPS)
+def test_gains_know_of_jumps_along_lines_across_both_arguments(text):
+    function, h = compiled(text), 1e-3
+    mean, S = np.array([0.5, -0.7]), [1.0, 0.5, 1.3]
+
+    def F(m):
+        return float(function(m, S, [])[0])
+
+    differences = [
+        (8 * (F(mean + h * e) - F(mean - h * e)) - F(mean + 2 * h * e) + F(mean - 2 * h * e)) / (12 * h) for e in np.eye(2)
+    ]
+    assert np.array(function(mean, S, [])[1]).ravel() == pytest.approx(differences, abs=1e-8)
+
+
+@CURVES
+@pytest.mark.parametrize("text", ["max(1 - x**2 - y**2, 0)", "sign(x**2 + y**2 - 1)", "abs(x**2 + y**2 - 1)"])
+def test_a_kink_on_a_circle_is_followed_to_where_it_ends(text):
+    # both of variance 1 about 0: r^2/2 is exponentially distributed
+    r, w = np.polynomial.legendre.leggauss(60)
+    panels = [(0.0, 1.0), (1.0, 9.0)]
+    wanted = sum(
+        float(np.sum(w * (b - a) / 2 * plain(text, (a + b + (b - a) * r) / 2, 0.0) * rho * np.exp(-(rho**2) / 2)))
+        for a, b in panels
+        for rho in [(a + b + (b - a) * r) / 2]
+    )
+    assert float(compiled(text)([0, 0], [1, 0, 1], [])[0]) == pytest.approx(wanted, abs=1e-9)
+
+
+def test_kinks_on_curves_are_warned_of():
+    with pytest.warns(UserWarning, match="`f`: the kinks of .* lie on curves"):
+        df = describing_function((X, Y), parse("clip(x*y, -1, 1)"), name="f")
+    assert df.error > 1e-8
+
+
+def test_two_powers_that_are_no_integers_multiply():
+    # independent: the product of E|x|^1.5 and E|y|^0.5
+    alone = [float(compiled(f"abs(x)**{q}", (X,))(0, 1, [])[0]) for q in (1.5, 0.5)]
+    assert float(compiled("abs(x)**1.5*abs(y)**0.5")([0, 0], [1, 0, 1], [])[0]) == pytest.approx(alone[0] * alone[1], rel=1e-8)

@@ -249,3 +249,17 @@ def test_a_smoothed_step_is_exact_however_steep(text):
 def test_what_is_too_steep_for_the_nodes_is_warned_of():
     with pytest.warns(ExpectationWarning, match="accurate to"):
         describing_function((Z,), parse("atan(1e9*z)"))
+
+
+def test_a_soft_ramp_is_a_ramp_far_out():
+    function = element_function(describing_function((Z,), parse("log(1 + exp(5*z))"), name="f"), ())
+    for mean in (-1e4, 1e4):
+        F, gain = function(mean, 1.0, [])
+        assert (float(F), float(gain)) == pytest.approx((max(5 * mean, 0.0), 5.0 * (mean > 0)), abs=1e-9)
+
+
+def test_a_wave_that_gets_shorter_is_integrated_with_a_warning():
+    with pytest.warns(UserWarning, match="accurate to"):
+        df = describing_function((Z,), parse("sin(z**2)"), name="f")
+    # E[exp(i z^2)] = (1 - 2 i p)^-1/2 about zero
+    assert float(element_function(df, ())(0, 0.25, [])[0]) == pytest.approx(((1 - 0.5j) ** -0.5).imag, rel=1e-9)

@@ -97,6 +97,8 @@ def decompose(expr: sp.Expr, z: sp.Symbol) -> Decomposition | None:
         if factors is None:
             return None
         exponent, coefficient = factors
+        if exponent[1].has(sp.I):  # a wave that gets shorter and shorter, sin(z^2)
+            return None
         groups[exponent].append(coefficient)
     return {key: _coefficients(sp.Add(*terms), z) for key, terms in _without_conjugates(groups).items()}
 

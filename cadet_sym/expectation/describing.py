@@ -11,6 +11,7 @@ from cadet_sym.expectation.conditional import Product, products
 from cadet_sym.expectation.nested import Nested
 from cadet_sym.expectation.planar import Planar
 from cadet_sym.expectation.quadrature import Wish
+from cadet_sym.expectation.tame import tamed
 
 
 @dataclass(frozen=True)
@@ -86,20 +87,5 @@ def describe(arguments: tuple[sp.Symbol, ...], body: sp.Expr, where: str, wish: 
         body=body,
         means=tuple(sp.Symbol(f"m{i + 1}", real=True) for i in range(count)),
         covariances=tuple(sp.Symbol(f"S{i + 1}{j + 1}", real=True) for i in range(count) for j in range(i + 1)),
-        products=products(arguments, body.replace(_is_logistic, _by_tanh), where, wish),
+        products=products(arguments, tamed(body, arguments), where, wish),
     )
-
-
-def _is_logistic(expr: sp.Expr) -> bool:
-    if not (isinstance(expr, sp.Pow) and expr.exp.is_negative and isinstance(expr.base, sp.Add)):
-        return False
-    constant, rest = expr.base.as_coeff_Add()
-    factor, power = rest.as_coeff_Mul()
-    return bool(constant > 0 and factor > 0 and isinstance(power, sp.exp))
-
-
-def _by_tanh(logistic: sp.Expr) -> sp.Expr:
-    """1/(b + c e^a) as (1 - tanh((a + log(c/b))/2))/(2 b), whose derivatives do not overflow."""
-    constant, rest = logistic.base.as_coeff_Add()
-    factor, power = rest.as_coeff_Mul()
-    return ((1 - sp.tanh((power.args[0] + sp.log(factor / constant)) / 2)) / (2 * constant)) ** -logistic.exp

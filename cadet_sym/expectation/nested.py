@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import warnings
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
 from typing import TYPE_CHECKING
 
+import numpy as np
 import sympy as sp
 from sympy.core.relational import Relational
 
@@ -19,6 +20,7 @@ from cadet_sym.expectation.pieces import Cell, Partition, Splitter, affine
 from cadet_sym.expectation.quadrature import PLAIN_ERROR, PLAIN_RULE, ExpectationWarning, Integral, Rule, Wish, stretches
 from cadet_sym.expectation.steep import Steep, steep_places
 from cadet_sym.expectation.tables import written_out
+from cadet_sym.language.numeric import evaluate
 from cadet_sym.language.vocabulary import Lookup
 
 if TYPE_CHECKING:
@@ -28,8 +30,13 @@ WITH_STEPS = Rule(2, 10, straight=24)
 TRAPEZOIDAL = Rule(order=80)
 WITH_POLES = Rule(order=56, straight=40)
 MAX_CROSSINGS = 4
+MAX_CURVES = 1
+WHOLE = Cell()
+INSIDE = 0.37  # how far within a cell it is looked at
 INNER_ERROR = 1e-9
 MAX_NODES = 50_000
+CURVED_ERROR = 1e-6  # of gains, the largest found where kinks lie on a curve
+LOST_ERROR = 1e-4  # the same where there are too many to follow
 FOUND_ERROR = 1e-9  # the largest that these rules were found to leave, relative, up to correlation one
 
 
@@ -61,6 +68,9 @@ class Crossing:
     start: sp.Expr
     slope: sp.Expr
     width: sp.Expr | None  # of a pole, perhaps a function of z; None for a kink
+    curve: sp.Expr | None = None  # or where this polynomial of degree two in z and `symbol` is zero
+    symbol: sp.Symbol | None = None  # the argument
+    branch: int = 0  # -1, 1: which of the two places where the line through the means passes the curve
 
 
 @dataclass(frozen=True)
@@ -124,6 +134,13 @@ def nested(arguments: tuple[sp.Symbol, ...], used: tuple[int, ...], body: sp.Exp
             f"{where}: in `{body}` the kinks of every argument depend on the others in a way that cannot be solved; "
             "write it with one linear form of the state in each comparison"
         )
+    if FOUND_ERROR < best.error <= LOST_ERROR and not wish.plain:
+        warnings.warn(
+            f"{where}: the kinks of `{body}` lie on curves across its arguments; gains are accurate to {best.error:.0e} only; "
+            "check it with cs.check",
+            ExpectationWarning,
+            stacklevel=2,
+        )
     if best.nodes > MAX_NODES and not wish.plain:
         warnings.warn(
             f"{where}: `{body}` is integrated over {len(used)} arguments at once, to about {PLAIN_ERROR:.0e} only; "
@@ -159,29 +176,45 @@ def _over(
     others = tuple(i for i in used if i != outer)
     rest = tuple(arguments[i] for i in others)
 
-    def inner(expr: sp.Expr) -> DescribingFunction:
-        return describe(rest, expr, where, replace(wish, sample={z: 0.37, **wish.sample}, error=INNER_ERROR))
+    def inner(expr: sp.Expr, cell: Cell = WHOLE) -> DescribingFunction:
+        return describe(rest, expr, where, replace(wish, sample={z: _inside(cell, wish), **wish.sample}, error=INNER_ERROR))
 
     splitter = Splitter(z, where)
     own = body.replace(lambda e: isinstance(e, Lookup) and e.has(z), lambda e: e.as_piecewise())
-    cells = _cells(splitter, own, rest, inner)
+    cells = _cells(splitter, own, rest, inner, wish)
     if cells is None:
         return None
     slices = []
     for cell, value in _joined(cells):
         require_expectation(value, cell, splitter)
-        expectations = inner(value), inner(_slope(value, z))
-        for lower, upper, singular in stretches(cell, value, z):
+        expectations = inner(value, cell), inner(_slope(value, z), cell)
+        rough = _is_rough(expectations[0], z)
+        for lower, upper, singular in stretches(cell, value, z, rough=rough):
             steep = () if wish.plain else tuple(steep_places(value, z, Cell.between(lower, upper), singular))
             slices.append(Slice(Integral(lower, upper, value, z, steep, singular), *expectations))
     steps = (Step(position, inner(change)) for position, change in _steps(slices, z))
-    crossings = tuple(c for c in _crossings(slices, z, others) if c.width is None or not wish.plain)
+    met, error = _crossings(slices, z, others)
+    crossings = tuple(c for c in met if c.width is None or not wish.plain)
     ruled = tuple(_ruled(s, crossings, wish.plain) for s in slices)
-    return Nested(outer, others, ruled, tuple(steps), crossings, PLAIN_ERROR if wish.plain else FOUND_ERROR)
+    return Nested(outer, others, ruled, tuple(steps), crossings, PLAIN_ERROR if wish.plain else error)
+
+
+def _inside(cell: Cell, wish: Wish) -> float:
+    """A number for the outer argument that lies in a cell."""
+    bounds = (cell.lower, cell.upper)
+    known = [not b.is_infinite and b.free_symbols <= wish.sample.keys() for b in bounds]
+    low, high = (evaluate(b, wish.sample) if k else 0.0 for b, k in zip(bounds, known, strict=True))
+    if all(known):
+        return low + INSIDE * (high - low)
+    return high - INSIDE if known[1] else low + INSIDE
 
 
 def _cells(
-    splitter: Splitter, body: sp.Expr, rest: tuple[sp.Symbol, ...], inner: Callable[[sp.Expr], DescribingFunction]
+    splitter: Splitter,
+    body: sp.Expr,
+    rest: tuple[sp.Symbol, ...],
+    inner: Callable[[sp.Expr], DescribingFunction],
+    wish: Wish,
 ) -> Partition | None:
     """The function cut at its kinks in the outer argument; where these depend on the others, cut where theirs meet."""
     try:
@@ -191,12 +224,39 @@ def _cells(
     except LinearisationError:
         pass
     z = splitter.z
-    lines = [line for line in (affine(d, z) for d in _differences(inner(body), z)) if line is not None]
-    points = sorted({-offset / slope for slope, offset in lines}, key=lambda p: float(p) if p.is_number else 0.0)
+    points = sorted(_meetings(_differences(inner(body), z), z), key=lambda p: float(p) if p.is_number else 0.0)
     if len(points) > 1 and not all(point.is_number for point in points):
         return None
     bounds = [sp.S.NegativeInfinity, *points, sp.S.Infinity]
-    return [(Cell.between(low, high), body) for low, high in pairwise(bounds)]
+    cells = [Cell.between(low, high) for low, high in pairwise(bounds)]
+    return [(cell, _decided(body, z, rest, {**wish.sample, z: _inside(cell, wish)})) for cell in cells]
+
+
+def _meetings(differences: set[sp.Expr], z: sp.Symbol) -> set[sp.Expr]:
+    """Where a difference is zero: of any that are straight lines, and of polynomials in numbers."""
+    found: set[sp.Expr] = set()
+    for difference in differences:
+        line = affine(difference, z)
+        if line is not None:
+            found.add(-line[1] / line[0])
+        elif difference.is_polynomial(z) and difference.free_symbols == {z}:
+            roots = np.roots([float(c) for c in sp.Poly(difference, z).all_coeffs()])
+            found |= {sp.Rational(str(float(root.real))) for root in roots if abs(root.imag) < 1e-12}
+    return found
+
+
+def _decided(body: sp.Expr, z: sp.Symbol, rest: tuple[sp.Symbol, ...], numbers: Mapping[sp.Symbol, float]) -> sp.Expr:
+    """The function on a cell of the outer argument, where conditions on that alone hold or do not, so that jumps show."""
+
+    def is_settled(expr: sp.Basic) -> bool:
+        jumps = isinstance(expr, Relational | sp.sign | sp.Heaviside)
+        return jumps and expr.has(z) and not expr.has(*rest) and expr.free_symbols <= numbers.keys()
+
+    def settled(expr: sp.Basic) -> sp.Basic:
+        value = evaluate(expr, numbers)
+        return sp.sympify(bool(value)) if isinstance(expr, Relational) else sp.Integer(int(value))
+
+    return body.replace(is_settled, settled)
 
 
 def _differences(df: DescribingFunction, z: sp.Symbol) -> set[sp.Expr]:
@@ -210,9 +270,16 @@ def _differences(df: DescribingFunction, z: sp.Symbol) -> set[sp.Expr]:
     return {difference for difference in found if difference.has(z)}
 
 
+def _is_rough(df: DescribingFunction, z: sp.Symbol) -> bool:
+    """Whether kinks of the inner argument move like roots or poles: those of a circle, of a product of both arguments."""
+    positions = (position for product in df.products for _, position in product.kinks())
+    powers = (power for position in positions for power in position.atoms(sp.Pow) if power.has(z))
+    return any(not (power.exp.is_integer and power.exp.is_nonnegative) for power in powers)
+
+
 def _slope(value: sp.Expr, z: sp.Symbol) -> sp.Expr:
-    """The derivative in the outer argument, kinks in the others apart, where it jumps but is not infinite."""
-    derivative = sp.diff(value, z)
+    """The derivative in the outer argument, but for jumps along lines across both, of which `lowering.nested` knows."""
+    derivative = sp.diff(value, z).replace(sp.DiracDelta, lambda *_: sp.S.Zero)
     if not derivative.has(sp.Derivative, sp.DiracDelta, sp.Subs):
         return derivative
     raise LinearisationError(f"`{value}` cannot be differentiated in `{z}`")
@@ -254,8 +321,8 @@ def _steps(slices: list[Slice], z: sp.Symbol) -> Iterator[tuple[sp.Expr, sp.Expr
             yield position, size
 
 
-def _crossings(slices: list[Slice], z: sp.Symbol, others: tuple[int, ...]) -> Iterator[Crossing]:
-    """Kinks and poles in the inner arguments, as straight lines in the outer one."""
+def _crossings(slices: list[Slice], z: sp.Symbol, others: tuple[int, ...]) -> tuple[list[Crossing], float]:
+    """Kinks and poles in the inner arguments, where they are met in the outer one; and the error that is left."""
     found: dict[tuple[int, sp.Expr], sp.Expr | None] = {}
     for piece in slices:
         for product in piece.inner.products:
@@ -264,7 +331,26 @@ def _crossings(slices: list[Slice], z: sp.Symbol, others: tuple[int, ...]) -> It
                 found.update({(others[argument], line): None for line in lines})
             for argument, position, width in product.poles():
                 found.setdefault((others[argument], position), width)
-    for (argument, position), width in list(found.items())[:MAX_CROSSINGS]:
+    straight, curved, error = [], [], FOUND_ERROR
+    for (argument, position), width in found.items():
         if position.is_polynomial(z) and sp.degree(position, z) <= 1:
             slope = position.coeff(z, 1) if position.has(z) else sp.S.Zero
-            yield Crossing(argument, sp.expand(position - slope * z), slope, width)
+            straight.append(Crossing(argument, sp.expand(position - slope * z), slope, width))
+        elif not position.is_number or width is None:
+            curved.append(_on_curve(argument, position, width, z))
+    known = [pair for pair in curved if pair]
+    if len(known) <= MAX_CURVES:
+        straight += [crossing for pair in known for crossing in pair]
+    if curved:
+        error = CURVED_ERROR if len(known) <= MAX_CURVES else LOST_ERROR
+    return straight[:MAX_CROSSINGS], error
+
+
+def _on_curve(argument: int, position: sp.Expr, width: sp.Expr | None, z: sp.Symbol) -> tuple[Crossing, ...]:
+    """A kink or pole on a curve of degree two, which a straight line meets twice; nothing if it is no such curve."""
+    numerator, denominator = sp.fraction(sp.together(position))
+    y = sp.Dummy("y", real=True)
+    curve = sp.expand(denominator * y - numerator)
+    if not curve.is_polynomial(z, y) or sp.total_degree(curve, z, y) != 2:
+        return ()
+    return tuple(Crossing(argument, sp.S.Zero, sp.S.One, width, curve, y, branch) for branch in (-1, 1))

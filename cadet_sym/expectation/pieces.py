@@ -19,6 +19,7 @@ from sympy.logic.boolalg import Boolean, BooleanFalse, BooleanTrue
 from cadet_sym.errors import LinearisationError
 
 MAX_PIECES = 4096
+TINY = sp.Rational(1, 10**200)
 
 
 @dataclass(frozen=True)
@@ -354,7 +355,9 @@ class Splitter:
                 elif real <= 0:
                     yield inner, lead
                 else:
-                    half, centre = lead * sp.sqrt(discriminant) / (2 * a), -b / (2 * a)
+                    # where there are no roots the condition on the cell says so, but their formula must stay a number
+                    known = discriminant if discriminant.is_positive else sp.Max(discriminant, TINY)
+                    half, centre = lead * sp.sqrt(known) / (2 * a), -b / (2 * a)
                     low, high = inner.below(centre - half), inner.above(centre + half)
                     middle = inner.above(centre - half)
                     middle = middle.below(centre + half) if middle is not None else None

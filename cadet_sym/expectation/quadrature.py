@@ -395,10 +395,13 @@ def integrals(cell: Cell, value: sp.Expr, z: sp.Symbol, where: str, wish: Wish) 
         yield chosen(part, where, wish)
 
 
-def stretches(cell: Cell, value: sp.Expr, z: sp.Symbol) -> list[tuple[sp.Expr, sp.Expr, tuple[bool, bool]]]:
-    """A cell, or its two halves if the expression is singular at both ends."""
+def stretches(
+    cell: Cell, value: sp.Expr, z: sp.Symbol, *, rough: bool = False
+) -> list[tuple[sp.Expr, sp.Expr, tuple[bool, bool]]]:
+    """A cell, or its two halves if the expression is singular at both ends, as a rough one is at any."""
     lower, upper = cell.lower, cell.upper
-    singular = singular_at(value, z, lower), singular_at(value, z, upper)
+    singular = tuple(not end.is_infinite and (rough or singular_at(value, z, end)) for end in (lower, upper))
+    singular = singular[0], singular[1]
     if not all(singular):
         return [(lower, upper, singular)]
     middle = (lower + upper) / 2

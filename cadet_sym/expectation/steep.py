@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
 import sympy as sp
 
 from cadet_sym.expectation.pieces import Cell, affine, factored
@@ -99,12 +100,15 @@ def _narrower(a: sp.Expr, b: sp.Expr) -> bool:
 
 
 def _of(node: sp.Expr, z: sp.Symbol) -> Iterator[tuple[sp.Expr, sp.Expr]]:
-    if not node.has(z) or _is_regular(node):
+    if not node.has(z) or _is_regular(node) or isinstance(node, sp.Piecewise):
         return
     inner = _inner(node) if node.args else node
     if isinstance(node, sp.Pow) and node.args[1].has(z):
         inner = node.args[1] * sp.log(node.args[0])
     if not inner.is_polynomial(z):
+        if isinstance(node, sp.atan):  # of p/q: poles where p = +- i q
+            p, q = sp.fraction(sp.together(inner))
+            yield from _zeros(sp.expand(p**2 + q**2), z) if p.is_polynomial(z) and q.is_polynomial(z) else ()
         return
     if type(node) in _WIDTHS:
         yield from _of_function(inner, z, _WIDTHS[type(node)])
@@ -146,7 +150,6 @@ def _zeros(inner: sp.Expr, z: sp.Symbol) -> Iterator[tuple[sp.Expr, sp.Expr]]:
             else:
                 yield -b / (2 * a), root
         elif all(coefficient.is_number for coefficient in polynomial.all_coeffs()):
-            for root in polynomial.nroots():
-                real, imaginary = root.as_real_imag()
-                if imaginary >= 0:
-                    yield sp.Rational(str(real)), sp.Rational(str(imaginary))
+            for root in np.roots([float(coefficient) for coefficient in polynomial.all_coeffs()]):
+                if root.imag >= 0:
+                    yield sp.Rational(str(root.real)), sp.Rational(str(root.imag))

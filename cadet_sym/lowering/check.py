@@ -154,7 +154,7 @@ def _centres(df: DescribingFunction, numbers: Mapping[sp.Symbol, float]) -> list
         for inner in node.args:
             if isinstance(inner, sp.Expr) and inner.has(z) and not inner.has(*df.arguments[1:]) and inner.is_polynomial(z):
                 polynomial = sp.Poly(inner.xreplace({s: sp.Float(v) for s, v in numbers.items()}), z)
-                found |= {float(sp.re(root)) for root in polynomial.nroots()} if polynomial.degree() > 0 else set()
+                found |= {float(root.real) for root in np.roots([float(c) for c in polynomial.all_coeffs()])}
     return sorted(found)[:4]
 
 

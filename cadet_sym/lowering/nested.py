@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import sympy as sp
 
+from cadet_sym.expectation.conditional import Product
 from cadet_sym.expectation.describing import DescribingFunction
 from cadet_sym.expectation.nested import Crossing, Nested, Slice
 from cadet_sym.expectation.quadrature import REACH, Nodes, lay_out
@@ -95,6 +96,8 @@ class _Conditioning:
     def _crossing(self, crossing: Crossing) -> tuple[ca.SX, ca.SX]:
         """Where the mean of another argument, given the outer one, passes its kink, and over what width."""
         a, outer = self.nested.others.index(crossing.argument), self.outer
+        if crossing.curve is not None:
+            return self._on_curve(crossing, a)
         slope = outer.value(crossing.slope)
         speed = self.lean[a] - slope * outer.s
         speed = ca.if_else(ca.fabs(speed) > PARALLEL, speed, PARALLEL)
@@ -104,6 +107,34 @@ class _Conditioning:
             there = Lowering({**outer.env, self.symbol: outer.m + outer.s * u})
             square = square + there.convert(crossing.width) ** 2
         return u, ca.sqrt(square) / ca.fabs(speed)
+
+    def _on_curve(self, crossing: Crossing, a: int) -> tuple[ca.SX, ca.SX]:
+        """The same for a curve: where A u^2 + B u + C = +- i size along the means, without cancellation."""
+        outer, z, y = self.outer, self.symbol, crossing.symbol
+        curve = crossing.curve
+        assert curve is not None
+        assert y is not None
+        s, lean, here = outer.s, self.lean[a], Lowering({**outer.env, z: outer.m, y: self.means[a]})
+        C, across, rise = (here.convert(e) for e in (curve, sp.diff(curve, z), sp.diff(curve, y)))
+        bends = [here.convert(sp.diff(curve, *pair)) for pair in ((z, z), (z, y), (y, y))]
+        B = across * s + rise * lean
+        A = (bends[0] * s * s + 2 * bends[1] * s * lean + bends[2] * lean * lean) / 2
+        A = ca.if_else(ca.fabs(A) > PARALLEL, A, PARALLEL)
+        real = B * B - 4 * A * C
+        apart, sign = ca.sqrt(ca.fmax(real, 0)), ca.if_else(B >= 0, 1, -1)
+        q = -(B + sign * apart) / 2
+        q = ca.if_else(ca.fabs(q) > PARALLEL, q, PARALLEL)
+        u = q / A if crossing.branch > 0 else ca.if_else(real > 0, C / q, q / A)
+        there = Lowering({**outer.env, z: outer.m + s * u, y: self.means[a] + lean * u})
+        square = self.left[a]
+        if crossing.width is not None:
+            square = square + there.convert(crossing.width) ** 2
+        size = ca.fabs(there.convert(sp.diff(curve, y))) * ca.sqrt(square)
+        # the square root of the complex discriminant real + 4 i A size
+        absolute = ca.sqrt(real * real + (4 * A * size) ** 2)
+        longer = ca.sqrt((absolute + ca.fabs(real)) / 2)
+        longer = ca.if_else(longer > PARALLEL, longer, PARALLEL)
+        return u, ca.if_else(real > 0, size / longer, longer / ca.fabs(2 * A))
 
     def _points(self, piece: Slice, nodes: Nodes) -> ca.SX:
         outer = self.outer
@@ -134,4 +165,19 @@ def _inner_function(df: DescribingFunction, slope: DescribingFunction, free: tup
     q = ca.SX.sym("q", len(free))
     joint = Joint(m, S, {symbol: q[i] for i, symbol in enumerate(free)})
     F, gain = joint.expectation_and_gain(df)
-    return ca.Function("inner", [m, S, q], [F, gain, joint.expectation(slope)])
+    return ca.Function("inner", [m, S, q], [F, gain, joint.expectation(slope) + _moving_jumps(df, joint, free[0])])
+
+
+def _moving_jumps(df: DescribingFunction, joint: Joint, z: sp.Symbol) -> ca.SX:
+    """E of what the derivative in z of jumps J 1(y > k(z)) adds to the slope: -J k'(z) times the density of y at k."""
+    total = ca.SX(0)
+    for product in df.products:
+        if not isinstance(product, Product) or len(product.functions) != 1:
+            continue
+        ((i, function),) = product.functions
+        y = joint.marginal(i)
+        for jump in function.jumps if not any(product.powers) else ():
+            size = jump.size(0) * sp.diff(jump.position, z)
+            if size != 0:
+                total -= y.value(product.coefficient * size) * y.impulse(jump.position, 0)
+    return total
