@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 import sympy as sp
@@ -169,3 +171,48 @@ def test_an_impulse_from_a_speed_that_jumps_is_refused():
     cs.augment(vehicle(rates='x = "v"\nv = "-k*x - c*v - der(h)"', travel=jump))
     with pytest.raises(cs.ModelError, match=r"jumps at t = 3"):
         cs.augment(vehicle(travel=jump))
+
+
+ROADS = (
+    'kind = "exponential"\nsigma = 0.03\ncutoff = 0.2',
+    'kind = "iso8608"\nclass = "D"\ncutoff = 0.05\nrolling_contact = 8.0',
+    'kind = "second_order"\nsigma = 0.02\ncutoff = 0.1\nwavenumber = 0.6',
+    'kind = "exponential"\nsigma = 0.03\ncutoff = 0.2\ncontact_patch = { length = 0.2, order = 2 }',
+    'kind = "spectrum"\nnumerator = [1e-4, 0, 2e-4]\ndenominator = [0.02, 0, 0.9, 0, 1.0]',
+)
+
+
+@cache
+def riding(road: str) -> cs.CompiledModel:
+    return cs.compile(
+        toml(
+            f"""
+            name = "one wheel"
+            [rates]
+            x = "v"
+            v = "-90*(x - h) - 3*v"
+            [contacts]
+            h = {{}}
+            [ground]
+            {road}
+            [travel]
+            speed = 7
+            [run]
+            duration = 1.0
+            """
+        )
+    )
+
+
+@settings(deadline=None)
+@given(st.sampled_from(ROADS), st.floats(1e-3, 150.0))
+def test_the_variance_of_the_ground_does_not_depend_on_the_speed(road, speed):
+    functions = riding(road).functions
+    p, y, packing = riding(road).parameter_vector(), riding(road).initial(), functions.facts.packing
+    rows, columns = packing.triangle
+    ground = packing.n + np.flatnonzero((rows >= functions.facts.vehicle) & (columns >= functions.facts.vehicle))
+    bare = y.copy()
+    bare[ground] = 0.0
+    # P' = V (C P + P C^T + D Q D^T): what is left of it, over its forcing
+    rate, forcing = (np.asarray(functions.held_rate(0, 0, speed, at, p)).ravel()[ground] for at in (y, bare))
+    assert np.abs(rate).max() <= 1e-12 * np.abs(forcing).max()
