@@ -13,9 +13,12 @@ from conftest import ROOT
 
 import cadet_sym as cs
 from cadet_sym.lowering.kernel import Vector, kernel, kernel_text, part
-from cadet_sym.solve import runge_kutta
+from cadet_sym.packing import Packing
+from cadet_sym.solve import backward, runge_kutta
+from cadet_sym.solve.implicit import Inverse, PackedIndex, scaled_form
 from cadet_sym.solve.native import Native, _march, _parts
 from cadet_sym.solve.scales import Tolerance
+from cadet_sym.solve.stiff import Stiff, modal_arrays
 
 TABLE = (0.5, 2.0, -1.0)
 SCALE = 3.0
@@ -149,3 +152,88 @@ def test_a_moment_that_runs_away_is_told_with_what_was_reached():
     assert 0 < len(partial.time) < 1001
     assert "x" in str(caught.value)
     assert np.isfinite(partial.state_covariance).all()
+
+
+# -- the implicit formulas ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("n", [1, 2, 5, 8, 13])
+@pytest.mark.parametrize("g", [1e-3, 0.7])
+def test_the_inverse_in_loops_is_the_one_of_arrays(n, g):
+    rng = np.random.default_rng(n)
+    N, scale, packing = rng.normal(size=(n, n)) - 2 * np.eye(n), rng.uniform(0.1, 10, n), Packing(n, distance=True)
+    form = scaled_form(N, scale)
+    expected, r = np.empty(packing.size), rng.normal(size=packing.size)
+    Inverse.build(PackedIndex(packing), scale, form, g).apply(r, expected)
+    given = modal_arrays(form, scale)
+    work, found = np.zeros(backward.MATRICES * n * n + 2 * n), np.empty(packing.size)
+    backward.weigh(work, work[backward.MATRICES * n * n :], given.modes, n, g)
+    backward.invert(r, found, packing.size, n, given.matrices, given.modes, given.pairs, work)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("order", range(1, 6))
+def test_backward_differences_of_another_step_are_those_of_the_same_polynomial(order):
+    polynomial, t, h, factor = np.polynomial.Polynomial(np.arange(1.0, order + 2)), 0.7, 0.1, 0.37
+
+    def differences(h):
+        values = [polynomial(t - k * h) for k in range(order + 1)]
+        rows = []
+        for _ in range(order + 1):
+            rows.append(values[0])
+            values = list(-np.diff(values))
+        return np.array(rows)
+
+    found = differences(h)
+    backward.rescale(found, order, factor, 1, np.zeros(150))
+    np.testing.assert_allclose(found, differences(factor * h), rtol=1e-9, atol=1e-12)
+
+
+def test_a_stiff_run_as_machine_code_is_the_one_of_python():
+    x, w = sp.symbols("x w")
+    vehicle = cs.Vehicle(rates={x: -50 * x - x**3 + w})
+    model = cs.Model(vehicle, noise=cs.Noise(names=("w",), intensity=sp.eye(1)), duration=1)
+    compiled = cs.compile(model)
+    functions, y, grid = compiled.functions, compiled.initial(), np.array([0.2, 1.0])
+    stiff = Stiff(functions, compiled.parameter_vector(), Tolerance(1e-5, 1e-2, np.array([0.1, 0.01])))
+    expected = stiff.advance(0.0, y, grid)
+
+    def rate(clock, state, values, slope):
+        slope[:2] = np.array(functions.rate(clock[0], state[:2], values[:0])).ravel()
+
+    form, state = stiff._form(0.0, y), np.zeros(backward.STATE)
+    state[8], state[9] = 1.0, -1.0
+    work, found = np.zeros(1 + backward.VECTORS * 2 + backward.MATRICES + 2 + 150), np.zeros(4)
+    tolerance, inverse = (stiff.tolerance.size, 1e-5, 1e-2), (form.matrices, form.modes, form.pairs)
+    status = backward.carry(
+        rate, grid, 2, y.copy(), 2, 1, np.zeros(1), *tolerance, 1.0, 1000, *inverse, work, found, state
+    )
+    assert status == 0
+    assert state[4] == stiff.steps
+    np.testing.assert_allclose(found.reshape(2, 2), expected, rtol=1e-10, atol=1e-14)
+    np.testing.assert_allclose(expected[-1, 1], compiled.stationary().state_covariance[0, 0], rtol=1e-4)
+
+
+@pytest.mark.parametrize("friction", [50.0, 500.0, 5000.0])
+def test_friction_is_integrated_from_rest(friction):
+    """Without variance its gain has no bound: what is taken there as the inverse of a step turns everything into nothing."""
+    x, v, w = sp.symbols("x v w")
+    sign = cs.Element("friction", [x], sp.sign(x))
+    vehicle = cs.Vehicle(rates={x: v, v: -1e4 * x - friction * sign(v) - 50 * v + 30 * w})
+    model = cs.Model(vehicle, noise=cs.Noise(names=("w",), intensity=sp.eye(1)), duration=20)
+    compiled = cs.compile(model)
+    found = [compiled.propagate([0.01, 20.0], rtol=1e-8, engine=engine) for engine in ("auto", "stiff", "native")]
+    for history in found[1:]:
+        np.testing.assert_allclose(history.variance.values, found[0].variance.values, rtol=2e-4)
+    np.testing.assert_allclose(found[0].variance["v"][-1], compiled.stationary().state_covariance[1, 1], rtol=1e-5)
+
+
+def test_the_choice_goes_by_stiffness():
+    x, w, k = sp.symbols("x w k")
+    vehicle = cs.Vehicle(rates={x: -k * x - x**3 / 10 + w})
+    noise = cs.Noise(names=("w",), intensity=sp.eye(1))
+    names = {}
+    for value in (1.0, 1e6):
+        model = cs.Model(vehicle, noise=noise, parameters={k: value}, duration=20)
+        names[value] = cs.compile(model).propagate(points=3).provenance.engine
+    assert names == {1.0: Native.name, 1e6: Stiff.name}

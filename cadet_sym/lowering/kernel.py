@@ -6,7 +6,8 @@ The part: whole functions of `float`, `int`, `Vector` and `Function` (annotated)
 variables that keep the type of their first value; `if`, `while`, `for ... in range(...)`, `break`, `continue`, `return`;
 arithmetic, comparisons, `and`, `or`, `not`; `sqrt`, `abs`, `min` and `max` of two, `float`, `int`, `isfinite`,
 `part(vector, first)`; entries of vectors; numbers and tuples of numbers of the module that the procedure stands in; calls of
-procedures written before, and of a `Function`, which takes four vectors and writes into the last.
+procedures written before, and of a `Function`, which takes four vectors and writes into the last. Vectors that are given to
+a procedure may not overlap where one of them is written.
 """
 
 from __future__ import annotations
@@ -48,14 +49,19 @@ def part(vector: Vector, first: int) -> Vector:
     return vector[first:]
 
 
-def kernel(*procedures: Callable[..., float]) -> MachineCode:
+def kernel(*procedures: Callable[..., float], fused: bool = False) -> MachineCode:
     """Procedures as machine code, the last of them to be called; kept in the cache, for no model is part of it."""
-    text = kernel_text(*procedures)
+    text = kernel_text(*procedures, fused=fused)
     return machine_code(text, procedures[-1].__name__, shelf=shelf(digest(text)), effort=2)
 
 
-def kernel_text(*procedures: Callable[..., float]) -> str:
+def kernel_text(*procedures: Callable[..., float], fused: bool = False) -> str:
     """Procedures as LLVM's text, the last of them under its own name; each may call those before it.
+
+    Parameters
+    ----------
+    fused : a product and a sum may become one operation with one rounding, which is faster; the last bits are then
+        not those of Python.
 
     Raises
     ------
@@ -68,7 +74,10 @@ def kernel_text(*procedures: Callable[..., float]) -> str:
     for procedure in procedures:
         tree = ast.parse(textwrap.dedent(inspect.getsource(procedure))).body[0]
         assert isinstance(tree, ast.FunctionDef)
-        texts.append(_Writer(tree, procedure is procedures[-1], procedure.__globals__, kinds, constants).text())
+        text = _Writer(tree, procedure is procedures[-1], procedure.__globals__, kinds, constants).text()
+        for each in ("fadd", "fsub", "fmul") if fused else ():
+            text = text.replace(f" = {each} ", f" = {each} contract ")
+        texts.append(text)
         assert isinstance(tree.returns, ast.Name)
         kinds[tree.name] = TYPES[tree.returns.id]
     return "\n".join([DECLARATIONS, *constants.values(), *texts])
@@ -98,7 +107,8 @@ class _Writer:
         for argument in self.tree.args.args:
             assert isinstance(argument.annotation, ast.Name)
             kind = TYPES[argument.annotation.id]
-            heads.append(f"{kind} %in.{argument.arg}")
+            apart = " noalias" if argument.annotation.id == "Vector" else ""
+            heads.append(f"{kind}{apart} %in.{argument.arg}")
             self._variable(argument.arg, kind)
             self.lines.append(f"  store {kind} %in.{argument.arg}, ptr %{argument.arg}")
         assert isinstance(self.tree.returns, ast.Name)

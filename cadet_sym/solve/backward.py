@@ -1,0 +1,417 @@
+"""Backward differentiation formulas of order 1 to 5, written to run as machine code, for the moments of a stiff system.
+
+The quasi-constant steps and the modified formulas (NDF) of Shampine & Reichelt, SIAM J. Sci. Comput. 18, 1 (1997). The
+implicit equations of a step are solved by a simplified Newton method with the inverse of I - g L, where L is what the moment
+equations do to a small change while the equivalent gains stay put (see `implicit`): products of n x n matrices, and no matrix
+of n (n + 3) / 2 rows. For `lowering.kernel`.
+"""
+
+from __future__ import annotations
+
+from cadet_sym.lowering.kernel import Function, Vector, isfinite, part, sqrt
+
+__all__ = ["MATRICES", "PROCEDURES", "REFRESH", "STALLED", "STATE", "VECTORS", "carry"]
+
+HIGHEST = 5  # order
+ROWS = HIGHEST + 3  # of backward differences
+VECTORS = ROWS + 6  # of working space, as long as y
+MATRICES = 7  # of working space, n x n
+STATE = 12
+"""Numbers that last from call to call: time, step, order, equal steps, then as `carry` says."""
+
+TOO_MANY, STALLED, REFRESH = 1, 2, 3
+"""What `carry` returns: what it gave up for, or that it wants another modal form of N where it stands."""
+
+GAMMA = (0.0, 1.0, 1.5, 1.8333333333333333, 2.0833333333333335, 2.2833333333333333)
+KAPPA = (0.0, -0.1850, -0.1111111111111111, -0.0823, -0.0415, 0.0)
+"""The modification of the formula of each order; none is best for order 5."""
+
+ITERATIONS = 4
+"""Of Newton's method, at most ..."""
+
+CONVERGED = 0.05
+"""... until what is left is this share of what a step may err by."""
+
+STALE = 0.3
+"""Where an iteration leaves more than this of what is wrong, the form of another place does not serve any longer."""
+
+
+def two_rows(one: Vector, two: Vector, a: Vector, b: Vector, B: Vector, n: int, width: int) -> int:
+    """Add to two rows four rows of B, by four weights each: what is read of B serves twice."""
+    second = part(B, n)
+    third = part(B, 2 * n)
+    fourth = part(B, 3 * n)
+    a0 = a[0]
+    a1 = a[1]
+    a2 = a[2]
+    a3 = a[3]
+    b0 = b[0]
+    b1 = b[1]
+    b2 = b[2]
+    b3 = b[3]
+    for j in range(width):
+        w = B[j]
+        x = second[j]
+        y = third[j]
+        z = fourth[j]
+        one[j] += (a0 * w + a1 * x) + (a2 * y + a3 * z)
+        two[j] += (b0 * w + b1 * x) + (b2 * y + b3 * z)
+    return 0
+
+
+def add(row: Vector, weight: float, other: Vector, width: int) -> int:
+    """Add to a row another one, by its weight."""
+    for j in range(width):
+        row[j] += weight * other[j]
+    return 0
+
+
+def product(out: Vector, A: Vector, B: Vector, n: int, lower: int) -> int:
+    """Set out = A B, n x n by rows; where `lower`, what is right of the diagonal may be left out."""
+    for i in range(n * n):
+        out[i] = 0.0
+    i = 0
+    while i + 1 < n:
+        width = i + 2 if lower == 1 else n
+        k = 0
+        while k + 3 < n:
+            one = i * n
+            two = one + n
+            two_rows(part(out, one), part(out, two), part(A, one + k), part(A, two + k), part(B, k * n), n, width)
+            k += 4
+        while k < n:
+            add(part(out, i * n), A[i * n + k], part(B, k * n), width)
+            add(part(out, i * n + n), A[i * n + n + k], part(B, k * n), width)
+            k += 1
+        i += 2
+    if i < n:
+        for k in range(n):
+            add(part(out, i * n), A[i * n + k], part(B, k * n), n)
+    return 0
+
+
+def weigh(weights: Vector, along: Vector, modes: Vector, n: int, g: float) -> int:
+    """What each entry, and its partners, contribute to (I - g L)^-1 in the coordinates of the modes.
+
+    modes : (4 n,) real parts, absolute imaginary parts, +1 and -1 for the two of a pair (else 0), places of the partners.
+    """
+    real = modes
+    imaginary = part(modes, n)
+    sign = part(modes, 2 * n)
+    square = n * n
+    for i in range(n):
+        for j in range(n):
+            x = 1.0 - g * (real[i] + real[j])
+            y = g * (imaginary[i] + imaginary[j])
+            z = g * (imaginary[i] - imaginary[j])
+            same = 1.0 / (x * x + y * y)
+            mixed = 1.0 / (x * x + z * z)
+            weights[i * n + j] = 0.5 * x * (same + mixed)
+            weights[square + i * n + j] = 0.5 * (y * same + z * mixed) * sign[i]
+            weights[2 * square + i * n + j] = 0.5 * (y * same - z * mixed) * sign[j]
+            weights[3 * square + i * n + j] = 0.5 * x * (mixed - same) * sign[i] * sign[j]
+        x = 1.0 - g * real[i]
+        y = g * imaginary[i]
+        along[i] = x / (x * x + y * y)
+        along[n + i] = y / (x * x + y * y) * sign[i]
+    return 0
+
+
+def invert(r: Vector, z: Vector, size: int, n: int, form: Vector, modes: Vector, pairs: int, work: Vector) -> int:
+    """Set z = (I - g L)^-1 r for packed moments; what is integrated alongside passes as it is.
+
+    form : (4 n^2,) W^-1, its transpose, W and its transpose, in units of the states. work : weights and room for three.
+    """
+    square = n * n
+    left = form
+    left_turned = part(form, square)
+    right = part(form, 2 * square)
+    right_turned = part(form, 3 * square)
+    weights = work
+    full = part(work, 4 * square)
+    half = part(work, 5 * square)
+    inner = part(work, 6 * square)
+    along = part(work, 7 * square)
+    partner = part(modes, 3 * n)
+    for i in range(n):
+        total = 0.0
+        for j in range(n):
+            total += left[i * n + j] * r[j]
+        half[i] = total
+    for i in range(n):
+        inner[i] = along[i] * half[i] + along[n + i] * half[int(partner[i])]
+    for i in range(n):
+        total = 0.0
+        for j in range(n):
+            total += right[i * n + j] * inner[j]
+        z[i] = total
+    k = n
+    for j in range(n):
+        for i in range(j, n):
+            full[j * n + i] = r[k]
+            full[i * n + j] = r[k]
+            k += 1
+    product(half, left, full, n, 0)
+    product(inner, half, left_turned, n, 1)
+    for i in range(n):
+        for j in range(i):
+            inner[j * n + i] = inner[i * n + j]
+    for i in range(square):
+        full[i] = weights[i] * inner[i]
+    if pairs == 1:
+        for i in range(n):
+            other = int(partner[i])
+            turned = part(inner, other * n)
+            one = part(weights, square + i * n)
+            two = part(weights, 2 * square + i * n)
+            three = part(weights, 3 * square + i * n)
+            row = part(full, i * n)
+            for j in range(n):
+                across = int(partner[j])
+                row[j] += one[j] * turned[j] + two[j] * inner[i * n + across] + three[j] * turned[across]
+    product(half, right, full, n, 0)
+    product(inner, half, right_turned, n, 1)
+    k = n
+    for j in range(n):
+        for i in range(j, n):
+            z[k] = inner[i * n + j]
+            k += 1
+    for i in range(k, size):
+        z[i] = r[i]
+    return 0
+
+
+def rescale(differences: Vector, order: int, factor: float, size: int, small: Vector) -> int:
+    """Backward differences of steps that are `factor` as long."""
+    across = order + 1
+    change = small
+    unit = part(small, 36)
+    both = part(small, 72)
+    values = part(small, 108)
+    for j in range(across):
+        change[j] = 1.0
+        unit[j] = 1.0
+    for i in range(1, across):
+        for j in range(across):
+            change[i * across + j] = change[(i - 1) * across + j] * (float(i - 1) - factor * float(j)) / float(i)
+            unit[i * across + j] = unit[(i - 1) * across + j] * (float(i - 1) - float(j)) / float(i)
+    for i in range(across):
+        for j in range(across):
+            total = 0.0
+            for k in range(across):
+                total += change[i * across + k] * unit[k * across + j]
+            both[i * across + j] = total
+    for e in range(size):
+        for i in range(across):
+            values[i] = differences[i * size + e]
+        for j in range(across):
+            total = 0.0
+            for i in range(across):
+                total += both[i * across + j] * values[i]
+            differences[j * size + e] = total
+    return 0
+
+
+def share(x: Vector, allowed: Vector, size: int) -> float:
+    """Root mean square of x over what it may be; `allowed` holds inverses."""
+    total = 0.0
+    for i in range(size):
+        total += (x[i] * allowed[i]) * (x[i] * allowed[i])
+    return sqrt(total / float(size))
+
+
+def carry(
+    rate: Function, grid: Vector, points: int, y: Vector, size: int, n: int, p: Vector, sizes: Vector, relative: float,
+    absolute: float, latest: float, most: int, form: Vector, modes: Vector, pairs: int, work: Vector, found: Vector,
+    state: Vector,
+) -> int:
+    """Carry y from the time in `state` through the times of the grid, of which the last ends the stretch.
+
+    Parameters
+    ----------
+    y : (size,) where it starts; afterwards where it is: the packed moments of n states.
+    sizes : (size,) of every entry; a step may err by relative (|y| + absolute sizes).
+    latest : the last time at which the inputs are those of this stretch.
+    form, modes, pairs : the modal form of N (see `weigh` and `invert`), and 1 if any of the modes is one of a pair.
+    work : (1 + VECTORS size + MATRICES n^2 + 2 n + 150,). found : (points, size), one after the other.
+    state : (STATE,) time, step, order, equal steps, steps, steps refused, rates, points found, whether the form is of here,
+        the g of the weights, how fast Newton's method converged, whether it has begun.
+
+    Returns
+    -------
+    0; TOO_MANY steps; STALLED, where they shrink to nothing; or REFRESH: call again with another form.
+    """
+    differences = part(work, 1)
+    change = part(differences, ROWS * size)
+    value = part(change, size)
+    slope = part(value, size)
+    move = part(slope, size)
+    known = part(move, size)
+    allowed = part(known, size)
+    room = part(allowed, size)
+    along_room = MATRICES * n * n + 2 * n
+    small = part(room, along_room)
+    last = grid[points - 1]
+    t = state[0]
+    h = state[1]
+    order = int(state[2])
+    if state[11] == 0.0:
+        work[0] = t
+        rate(work, y, p, slope)
+        state[6] += 1.0
+        total = 0.0
+        for i in range(size):
+            one = slope[i] / (relative * (abs(y[i]) + absolute * sizes[i]))
+            total += one * one
+        steep = sqrt(total / float(size))
+        h = last - t
+        if steep * h > 0.1:
+            h = 0.1 / steep
+        if not isfinite(steep):
+            return STALLED
+        order = 1
+        for i in range(size):
+            differences[i] = y[i]
+            differences[size + i] = h * slope[i]
+        state[3] = 0.0
+        state[9] = -1.0
+        state[11] = 1.0
+    while state[4] + state[5] < float(most):
+        if t + h >= last or t + 1.0001 * h >= last:
+            rescale(differences, order, (last - t) / h, size, small)
+            h = last - t
+            state[3] = 0.0
+        state[0] = t
+        state[1] = h
+        state[2] = float(order)
+        if t + 0.1 * h <= t:
+            return STALLED
+        ends = t + 1.0001 * h >= last
+        after = last if ends else t + h
+        alpha = (1.0 - KAPPA[order]) * GAMMA[order]
+        for i in range(size):
+            total = differences[i]
+            ahead = 0.0
+            for k in range(1, order + 1):
+                total += differences[k * size + i]
+                ahead += GAMMA[k] * differences[k * size + i]
+            value[i] = total
+            known[i] = ahead / alpha
+            allowed[i] = 1.0 / (relative * (abs(total) + absolute * sizes[i]))
+            change[i] = 0.0
+        g = h / alpha
+        least = 1
+        if g != state[9]:
+            least = 2  # or what an outdated form calls small would pass for converged
+            weigh(room, part(room, MATRICES * n * n), modes, n, g)
+            state[10] = min(1.0, state[10] * max(1.0, g / state[9])) if state[9] > 0.0 else 1.0
+            state[9] = g
+        work[0] = min(after, latest)
+        before = 0.0
+        converged = False
+        tries = 0
+        for k in range(ITERATIONS):
+            rate(work, value, p, slope)
+            state[6] += 1.0
+            tries += 1
+            for i in range(size):
+                slope[i] = g * slope[i] - known[i] - change[i]
+            invert(slope, move, size, n, form, modes, pairs, room)
+            length = share(move, allowed, size)
+            if not isfinite(length):
+                break
+            if k > 0:
+                if length > 2.0 * before:
+                    break
+                state[10] = max(0.3 * state[10], length / before)
+                if state[8] == 0.0 and length > STALE * before and before > 1e-6:
+                    break
+            for i in range(size):
+                value[i] += move[i]
+                change[i] += move[i]
+            if tries >= least and length * min(1.0, state[10]) < CONVERGED:
+                converged = True
+                break
+            before = length
+        if not converged:
+            if state[8] == 0.0:
+                for i in range(size):
+                    y[i] = differences[i]
+                return REFRESH
+            state[5] += 1.0
+            rescale(differences, order, 0.5, size, small)
+            h *= 0.5
+            state[3] = 0.0
+            continue
+        safety = 0.9 * float(2 * ITERATIONS + 1) / float(2 * ITERATIONS + tries)
+        constant = KAPPA[order] * GAMMA[order] + 1.0 / float(order + 1)
+        for i in range(size):
+            allowed[i] = 1.0 / (relative * (abs(value[i]) + absolute * sizes[i]))
+        wrong = constant * share(change, allowed, size)
+        wrong = abs(wrong)
+        if wrong > 1.0:
+            state[5] += 1.0
+            factor = max(0.2, safety * wrong ** (-1.0 / float(order + 1)))
+            rescale(differences, order, factor, size, small)
+            h *= factor
+            state[3] = 0.0
+            continue
+        state[4] += 1.0
+        state[3] += 1.0
+        state[8] = 0.0
+        t = after
+        for i in range(size):
+            differences[(order + 2) * size + i] = change[i] - differences[(order + 1) * size + i]
+            differences[(order + 1) * size + i] = change[i]
+        k = order
+        while k >= 0:
+            for i in range(size):
+                differences[k * size + i] += differences[(k + 1) * size + i]
+            k -= 1
+        point = int(state[7])
+        while point < points and grid[point] <= t:
+            row = part(found, point * size)
+            for i in range(size):
+                row[i] = differences[i]
+            weight = 1.0
+            for k in range(order):
+                weight *= (grid[point] - (t - h * float(k))) / (h * float(k + 1))
+                for i in range(size):
+                    row[i] += weight * differences[(k + 1) * size + i]
+            point += 1
+        state[7] = float(point)
+        if point == points:
+            state[0] = t
+            for i in range(size):
+                y[i] = differences[i]
+            return 0
+        if state[3] < float(order + 1):
+            continue
+        best = wrong ** (-1.0 / float(order + 1)) if wrong > 1e-10 else 1e3
+        higher = order
+        if order > 1:
+            lower_wrong = abs(KAPPA[order - 1] * GAMMA[order - 1] + 1.0 / float(order)) * share(
+                part(differences, order * size), allowed, size
+            )
+            lower = lower_wrong ** (-1.0 / float(order)) if lower_wrong > 1e-10 else 1e3
+            if lower > best:
+                best = lower
+                higher = order - 1
+        if order < HIGHEST:
+            upper_wrong = abs(KAPPA[order + 1] * GAMMA[order + 1] + 1.0 / float(order + 2)) * share(
+                part(differences, (order + 2) * size), allowed, size
+            )
+            upper = upper_wrong ** (-1.0 / float(order + 2)) if upper_wrong > 1e-10 else 1e3
+            if upper > best:
+                best = upper
+                higher = order + 1
+        order = higher
+        factor = min(10.0, safety * best)
+        rescale(differences, order, factor, size, small)
+        h *= factor
+        state[3] = 0.0
+    return TOO_MANY
+
+
+PROCEDURES = (two_rows, add, product, weigh, invert, rescale, share, carry)
+"""What is compiled together."""

@@ -1,0 +1,145 @@
+"""March the moments through a run, stretch by stretch, with one of the engines.
+
+The run is cut at every known breakpoint (a kink of the speed, an edge of the profile, a wheel that meets the ground) and
+restarted there, for no integrator sees an input that is shorter than its step.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from cadet_sym.lowering.functions import MomentFunctions
+from cadet_sym.solve.breakdown import Breakdown, explain
+from cadet_sym.solve.cvodes import Direct
+from cadet_sym.solve.krylov import Stepping
+from cadet_sym.solve.native import Native
+from cadet_sym.solve.scales import Tolerance
+from cadet_sym.solve.stiff import Stiff
+
+__all__ = ["ENGINES", "Engine", "Start", "Trajectory", "edges", "march"]
+
+Array = npt.NDArray[np.float64]
+
+SWING = 0.5
+"""Share of a step's tolerance that explicit formulas of CVODES are given."""
+
+ENGINES = ("auto", "direct", "implicit", "krylov", "explicit", "stepping", "native", "stiff")
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Packed moments at the times asked for, and how they were integrated."""
+
+    time: Array  # (k,)
+    y: Array  # (k, size)
+    engine: str
+    rtol: float
+    statistics: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a run starts and what it meets: packed moments at t = 0, parameters, times of known breakpoints."""
+
+    y: Array
+    p: Array
+    breakpoints: tuple[float, ...] = ()
+    beyond: tuple[float, Array] | None = None
+    """Where the rate jumps at t = 0, the time and the packed moments on the far side (see `onset`)."""
+
+    @property
+    def first(self) -> tuple[float, Array]:
+        """Time and packed moments from which to integrate."""
+        return self.beyond or (0.0, self.y)
+
+
+class Engine(Protocol):
+    """One way to integrate a stretch."""
+
+    @property
+    def name(self) -> str:
+        """The method, by its name in the literature."""
+        ...
+
+    @property
+    def steps(self) -> int:
+        """How much work it was."""
+        ...
+
+    def advance(self, begin: float, y: Array, grid: Array) -> Array:
+        """Packed moments (k, size) at the times of the grid, from y at `begin`; raises Breakdown."""
+        ...
+
+
+def edges(start: Start, grid: Array) -> list[float]:
+    """Where the run begins, its known breakpoints, and where it ends."""
+    first = start.first[0]
+    return [first, *sorted(b for b in set(start.breakpoints) if first < b < grid[-1]), float(grid[-1])]
+
+
+def march(
+    lowered: MomentFunctions,
+    start: Start,
+    grid: Array,
+    kind: str,
+    tolerance: Tolerance,
+    asked: float | None = None,
+) -> tuple[Array, Engine]:
+    """Integrate stretch by stretch; returns the moments at the times, and the engine.
+
+    A breakdown leaves as it is, or, where the tolerance asked for is given, explained to the user.
+    """
+    engine = _engine(lowered, start.p, kind, tolerance)
+    y, found = start.first[1], [start.y] if grid[0] == 0 else []
+    for begin, end in itertools.pairwise(edges(start, grid)):
+        if end <= begin:
+            continue
+        inside = grid[(grid > begin) & (grid <= end)]
+        stretch = inside if inside.size and inside[-1] == end else np.append(inside, end)
+        try:
+            values = _advance(engine, begin, y, stretch)
+        except Breakdown as breakdown:
+            if asked is None:
+                raise
+            if breakdown.found is not None:
+                found.extend(breakdown.found[: inside.size])
+            kept = np.array(found).reshape(len(found), len(y))
+            partial = Trajectory(grid[: len(kept)], kept, engine.name, asked)
+            raise explain(lowered, start.p, breakdown, begin, y, partial) from None
+        found.extend(values[: inside.size])
+        y = values[-1]
+    return np.array(found), engine
+
+
+def _engine(lowered: MomentFunctions, p: Array, kind: str, tolerance: Tolerance) -> Engine:
+    if kind == "native":
+        return Native(lowered, p, tolerance)
+    if kind == "stiff":
+        return Stiff(lowered, p, tolerance)
+    if kind in ("direct", "explicit"):
+        if kind == "explicit":  # many small errors of one sign add up where moments swing
+            tolerance = replace(tolerance, relative=tolerance.relative * SWING)
+        return Direct(lowered, p, tolerance, stiff=kind == "direct")
+    return Stepping(lowered, p, tolerance, stiff=kind != "stepping", full_newton=kind == "krylov")
+
+
+def _advance(engine: Engine, begin: float, y: Array, stretch: Array) -> Array:
+    """One stretch; what the engine gives up, scikit-sundae's CVODE goes through, or it is said how far it came."""
+    try:
+        return engine.advance(begin, y, stretch)
+    except Breakdown as first:
+        if not isinstance(engine, Direct | Native | Stiff):
+            raise
+        second = Stepping(engine.lowered, engine.p, engine.tolerance, stiff=True, full_newton=True)
+        try:
+            return second.advance(begin, y, stretch)
+        except Breakdown:
+            if first.found is None:
+                raise
+            raise first from None  # who knows to the last step where it was

@@ -1,0 +1,91 @@
+"""A rough run beforehand: how large every moment becomes, and what it is on the way.
+
+Every moment is integrated to its own size, so that one tolerance means the same for a displacement in metres and a force in
+newtons. The sizes come from here; so do the moments at which the equivalent gains are looked at to choose an engine: at the
+start, without variance, those of friction have no bound and say nothing of the run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import numpy.typing as npt
+
+from cadet_sym.lowering.functions import MomentFunctions
+from cadet_sym.solve.breakdown import Breakdown
+from cadet_sym.solve.choice import choose, compiles, modes
+from cadet_sym.solve.course import Start, march
+from cadet_sym.solve.evaluate import Rate
+from cadet_sym.solve.scales import Tolerance, peaks
+
+__all__ = ["ABSOLUTE", "Outline", "outline"]
+
+Array = npt.NDArray[np.float64]
+
+ABSOLUTE = 1e-2
+"""Absolute over relative tolerance, in units of each moment's own size, at rtol 1e-6 and above."""
+
+ROUGH = 1e-2
+"""Tolerance of the rough run."""
+
+PATIENCE = 20_000.0
+"""Fastest rate of the covariance times duration up to which the rough run is explicit."""
+
+STEPS = 5_000
+
+
+@dataclass(frozen=True)
+class Outline:
+    """What is known of a run before it is integrated."""
+
+    size: Array  # (size,) of every moment
+    along: Array  # (3, size) moments at the start, half-way and at the end
+
+
+_known: WeakKeyDictionary[MomentFunctions, dict[tuple[float, bytes], Outline]] = WeakKeyDictionary()
+
+
+def outline(lowered: MomentFunctions, start: Start, duration: float, declared: Callable[[], Start] | None) -> Outline:
+    """What a run is like, at the declared parameters if those are known."""
+    kept = _known.setdefault(lowered, {})
+    key = (duration, b"" if declared else start.p.tobytes() + start.y.tobytes())
+    if key not in kept:
+        if len(kept) > 256:
+            kept.clear()
+        kept[key] = _rough_run(lowered, declared() if declared else start, duration)
+    return kept[key]
+
+
+def _rough_run(lowered: MomentFunctions, start: Start, duration: float) -> Outline:
+    """A run with tolerances far below anything's size; guesses where it fails."""
+    packing = lowered.facts.packing
+    rate, slopes = Rate(lowered, start.p), np.empty((3, packing.size))
+    for t, slope in zip((0.0, duration / 2, duration), slopes, strict=True):
+        rate(t, start.y, slope)
+    largest = np.abs(start.y).max(initial=0.0) + np.abs(np.nan_to_num(slopes)).max() * max(duration, 1e-300)
+    small = np.sqrt(largest) if largest > 0 else 1.0
+    grid = np.linspace(0, duration, 35)[1:] if duration > 0 else np.zeros(1)
+    kind = _first_engine(lowered, start, grid, largest)
+    for fraction in (1e-6, 1e-3):
+        guess = Tolerance(ROUGH, ABSOLUTE, np.full(packing.size, fraction * small), STEPS)
+        try:
+            y, _ = march(lowered, start, grid, kind, guess)
+        except Breakdown:
+            continue
+        return Outline(peaks(np.vstack([start.y, y]), packing), np.array([start.y, y[len(y) // 2 - 1], y[-1]]))
+    return Outline(np.full(packing.size, 1e-3 * small), np.repeat(start.y[None], 3, axis=0))
+
+
+def _first_engine(lowered: MomentFunctions, start: Start, grid: Array, largest: float) -> str:
+    """Explicit unless the run is stiff without any variance and with as much as it can have."""
+    packing, duration = lowered.facts.packing, float(grid[-1])
+    wide = start.y.copy()
+    wide[: packing.moments] += packing.pack(np.zeros(packing.n), largest * np.eye(packing.n))
+    found = [modes(lowered, start, duration, np.repeat(y[None], 3, axis=0)) for y in (start.y, wide)]
+    fastest = min(float(np.nan_to_num(np.abs(each).max(initial=0.0), nan=np.inf)) for each in found)
+    if fastest <= PATIENCE and compiles(lowered, start, "native"):
+        return "native"
+    return choose(lowered, start, grid, np.repeat(start.y[None], 3, axis=0))

@@ -1,0 +1,161 @@
+"""Backward differentiation formulas as machine code: for what is stiff and of moderate size.
+
+The modal form of N, which the inverse of `backward` is made of, comes from LAPACK; the machine code returns whenever it
+wants another one.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass, field, replace
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from cadet_sym.lowering.functions import MomentFunctions
+from cadet_sym.lowering.kernel import kernel
+from cadet_sym.solve.backward import MATRICES, PROCEDURES, REFRESH, STALLED, STATE, VECTORS
+from cadet_sym.solve.breakdown import Breakdown
+from cadet_sym.solve.evaluate import gains
+from cadet_sym.solve.implicit import scaled_form
+from cadet_sym.solve.lyapunov import ModalForm
+from cadet_sym.solve.native import Native
+from cadet_sym.solve.scales import Tolerance
+
+__all__ = ["MANY_STATES", "ModalArrays", "Stiff", "modal_arrays"]
+
+Array = npt.NDArray[np.float64]
+
+MANY_STATES = 100
+"""States up to which products of matrices are as fast here as those of a library."""
+
+STEPS = 20_000
+"""Most steps of a stretch: more means that the gains react so strongly that other ways are better."""
+
+FIRST = 2_000
+"""Explicit steps at the start, where the gains there mislead: where they are ..."""
+
+BEYOND = 10.0
+"""... so many times those ..."""
+
+VARIANCE = 1e-2
+"""... at this share of the variances that the run reaches."""
+
+
+@dataclass
+class Stiff:
+    """The moment equations of one run under backward differentiation formulas of order 1 to 5."""
+
+    lowered: MomentFunctions
+    p: Array
+    tolerance: Tolerance
+    steps: int = field(default=0, init=False)
+    name = "BDF (Newton + Lyapunov), machine code"
+
+    def advance(self, begin: float, y: Array, grid: Array) -> Array:
+        """Packed moments (k, size) at the times of the grid, from y at `begin`."""
+        rate = self.lowered.machine("rate")
+        assert rate is not None, "chosen only where there is machine code"
+        n, size = self.lowered.facts.packing.n, len(y)
+        x, given, times = y.copy(), np.append(self.p, 0.0), np.ascontiguousarray(grid, dtype=float)
+        work = np.zeros(1 + VECTORS * size + MATRICES * n * n + 2 * n + 150)
+        found, state, sizes = np.empty((len(grid), size)), np.zeros(STATE), np.ascontiguousarray(self.tolerance.size)
+        state[0], latest, status = begin, np.nextafter(times[-1], begin), REFRESH
+        if self._misleading(begin, y):
+            explicit = self._begin(begin, y, times)
+            if explicit.time is None:
+                return explicit.found
+            state[0], state[7], x[:] = explicit.time, len(explicit.found), explicit.y
+            found[: len(explicit.found)] = explicit.found
+        while status == REFRESH:
+            form = self._form(float(state[0]), x)
+            state[8], state[9] = 1.0, -1.0
+            status = _carry()(
+                rate.addresses["rate"], times.ctypes.data, len(times), x.ctypes.data, size, n, given.ctypes.data,
+                sizes.ctypes.data, self.tolerance.relative, self.tolerance.absolute, latest, STEPS,
+                form.matrices.ctypes.data, form.modes.ctypes.data, form.pairs, work.ctypes.data, found.ctypes.data,
+                state.ctypes.data,
+            )  # fmt: skip
+        self.steps += int(state[4])
+        if status:
+            reason = "Its steps shrink to nothing." if status == STALLED else "It took too many steps."
+            here = work[1 : 1 + size].copy()
+            raise Breakdown(reason, found[: int(state[7])], float(state[0]), here)
+        if not np.isfinite(found).all():
+            raise Breakdown("the result is not finite")
+        return found
+
+    def _misleading(self, t: float, y: Array) -> bool:
+        """Whether the gains at the start say nothing of the run: those of friction, without variance, have no bound."""
+        packing, usual = self.lowered.facts.packing, y.copy()
+        usual[packing.n : packing.moments] += self._variances * VARIANCE
+        here, there = (np.abs(gains(self.lowered, t, at, self.p)).max(initial=0.0) for at in (y, usual))
+        return not here <= BEYOND * there
+
+    def _begin(self, begin: float, y: Array, times: Array) -> _Begun:
+        """The first steps, explicit: as far as they lead."""
+        explicit = Native(self.lowered, self.p, replace(self.tolerance, steps=FIRST))
+        try:
+            return _Begun(explicit.advance(begin, y, times), None, y)
+        except Breakdown as told:
+            if told.found is None or told.time is None or told.y is None or not told.time > begin:
+                raise
+            return _Begun(told.found, told.time, told.y)
+        finally:
+            self.steps += explicit.steps
+
+    @property
+    def _variances(self) -> Array:
+        """Size of every variance at its place among the packed covariances; zero at the others."""
+        packing = self.lowered.facts.packing
+        rows, columns = packing.triangle
+        return np.where(rows == columns, self.tolerance.size[packing.n : packing.moments], 0.0)
+
+    def _form(self, t: float, y: Array) -> ModalArrays:
+        """The modal form of N at packed moments y, as `backward` takes it."""
+        packing = self.lowered.facts.packing
+        rows, columns = packing.triangle
+        scale = np.sqrt(np.maximum(self.tolerance.size[packing.n : packing.moments][rows == columns], 1e-300))
+        N = gains(self.lowered, t, y, self.p)
+        if not np.isfinite(N).all():
+            raise Breakdown("The equivalent gains are not finite.")
+        return modal_arrays(scaled_form(N, scale), scale)
+
+
+class _Begun(NamedTuple):
+    found: Array  # (k, size) at the times passed
+    time: float | None  # reached; None where that is the end
+    y: Array  # there
+
+
+class ModalArrays(NamedTuple):
+    """A modal form as `backward` takes it."""
+
+    matrices: Array  # W^-1, its transpose, W, its transpose, in units of the states
+    modes: Array  # real parts, absolute imaginary parts, signs within the pairs, partners
+    pairs: int  # 1 if there are any
+
+
+def modal_arrays(form: ModalForm, scale: Array) -> ModalArrays:
+    """N = W B W^-1 in units of the states' sizes as flat arrays."""
+    n = len(scale)
+    partner, sign = np.arange(n, dtype=float), np.zeros(n)
+    partner[form.first], partner[form.first + 1] = form.first + 1, form.first
+    sign[form.first], sign[form.first + 1] = 1.0, -1.0
+    left, right, values = form.inverse / scale, scale[:, None] * form.basis, form.eigenvalues
+    return ModalArrays(
+        np.concatenate([part.ravel() for part in (left, left.T, right, right.T)]),
+        np.concatenate([np.real(values), np.abs(np.imag(values)), sign, partner]),
+        int(sign.any()),
+    )
+
+
+@cache
+def _carry() -> Any:
+    """The integrator; the same machine code for all models."""
+    vector, number, integer = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
+    types = (vector, vector, integer, vector, integer, integer, vector, vector, number, number, number, integer)
+    more = (vector, vector, integer, vector, vector, vector)
+    return kernel(*PROCEDURES, fused=True).function("carry", *types, *more, returns=integer)
