@@ -26,6 +26,7 @@ from cadet_sym.solve.wheels import present_error
 
 if TYPE_CHECKING:
     from cadet_sym.language.model import Model
+    from cadet_sym.lowering.validity import Validity
     from cadet_sym.moments import MomentEquations
     from cadet_sym.solve.freeze import Conditions
     from cadet_sym.solve.frozen import FrozenProblem
@@ -119,6 +120,13 @@ class CompiledModel:
         """Names of the parameters that have a number of their own, in the order of p."""
         return self.functions.parameters
 
+    @cached_property
+    def _validity(self) -> Validity:
+        """What quadratures were chosen for, and looked at since."""
+        from cadet_sym.lowering.validity import Validity
+
+        return Validity(self.functions, self.declaration.values)
+
     def parameter_vector(self, values: Mapping[str, float] | None = None) -> Array:
         """p: the declared numbers, with `values` in their place where given."""
         declared = self.declaration.values
@@ -126,6 +134,8 @@ class CompiledModel:
             if name not in self.parameters:
                 known = ", ".join(self.parameters) or "none"
                 raise ModelError(f"`{name}` is not a parameter with a number of its own; those are: {known}.")
+        if any(name in self.functions.facts.integrated for name in values or {}):
+            self._validity.include(values or {})
         return np.array([float({**declared, **(values or {})}[name]) for name in self.parameters])
 
     def initial(self, parameters: Mapping[str, float] | None = None) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -80,7 +81,16 @@ def chosen(part: Integral, where: str, wish: Wish) -> Integral:
     return best if known else replace(best, error=min(best.error, WARNED))
 
 
-def _cheapest(part: Integral, numbers: dict[sp.Symbol, float], wish: Wish) -> Integral:
+def error_of(part: Integral, sample: Mapping[sp.Symbol, float], scale: float) -> float:
+    """The error of the rule that a piece has, for other numbers of the parameters; its own if these are not all known."""
+    free = (part.value.free_symbols | part.lower.free_symbols | part.upper.free_symbols) - {part.argument}
+    numbers = {s: float(sample[s]) for s in free if s in sample}
+    if len(numbers) < len(free) or not _is_finite(part, numbers):
+        return part.error
+    return _cheapest(part, numbers, Wish(sample, scale=scale), (part.rule,)).error
+
+
+def _cheapest(part: Integral, numbers: dict[sp.Symbol, float], wish: Wish, among: tuple[Rule, ...] = ()) -> Integral:
     means, spreads = _grid(part, numbers)
     checked, wanted = [part, part.derivative()], wish.error
     if any(part.singular):  # its gain is taken by parts, which multiplies the error by the distance from the mean
@@ -88,7 +98,7 @@ def _cheapest(part: Integral, numbers: dict[sp.Symbol, float], wish: Wish) -> In
     near = [_Reference(p, numbers, means, spreads) for p in checked]
     far = [_Reference(p, numbers, *_grid(part, numbers, WIDE * wish.scale)) for p in checked] if part.steep else []
     found = part
-    for rule in rules(part):
+    for rule in among or rules(part):
         here, beyond = (max((reference.error(rule) for reference in each), default=0.0) for each in (near, far))
         found = replace(part, rule=rule, error=max(here, beyond))
         if here <= wanted and beyond <= max(wanted, FAR_ERROR):

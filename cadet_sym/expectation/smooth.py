@@ -64,6 +64,11 @@ def measured(planar: Planar, wish: Wish) -> Planar:
     return found
 
 
+def error_of(planar: Planar, sample: Mapping[sp.Symbol, float]) -> float:
+    """The error of the step that a function has, for other numbers of the parameters."""
+    return max(case.error(planar.step)[0] for case in _cases(planar, sample, SPREADS))
+
+
 def with_counts(planar: Planar, counts: tuple[int, int], sample: Mapping[sp.Symbol, float]) -> Planar:
     """The function with the same numbers of nodes always, and its error for moments of the order of its own scale."""
     cases = _cases(planar, sample, SPREADS[:-1])

@@ -70,6 +70,7 @@ class Facts:
     filters: tuple[FilterPlace, ...]
     delay: DelayGrid | None
     general: bool  # whether the functions serve for any numbers of the parameters
+    integrated: tuple[str, ...] = ()  # parameters whose numbers the order of a quadrature was chosen for
 
     def to_json(self) -> bytes:
         """The facts as text."""
@@ -82,7 +83,7 @@ class Facts:
         found["packing"] = Packing(**found["packing"])
         found["filters"] = tuple(FilterPlace(**each) for each in found["filters"])
         found["delay"] = _delay(found["delay"])
-        for name in ("states", "outputs", "parameters", "arguments"):
+        for name in ("states", "outputs", "parameters", "arguments", "integrated"):
             found[name] = tuple(found[name])
         return cls(**found)
 

@@ -12,14 +12,14 @@ from cadet_sym.linearisation import OutputForm
 from cadet_sym.lowering.facts import Facts, FilterPlace
 from cadet_sym.moments import MomentEquations
 
-__all__ = ["is_accurate", "survey"]
+__all__ = ["describing_functions", "is_accurate", "survey"]
 
 
 def survey(equations: MomentEquations, parameters: tuple[str, ...]) -> Facts:
     """The facts of a system of moment equations."""
     quasi_linear = equations.quasi_linear
     system, initial = quasi_linear.system, quasi_linear.system.model.initial
-    closed = all(not describing.nodes for describing in _describing(equations))
+    closed = all(not describing.nodes for describing in describing_functions(equations))
     return Facts(
         states=equations.states,
         outputs=tuple(quasi_linear.outputs),
@@ -43,15 +43,30 @@ def survey(equations: MomentEquations, parameters: tuple[str, ...]) -> Facts:
         delay=equations.delay,
         # A quadrature may choose its order by the parameters' numbers, the order of wheels is that of their setbacks.
         general=closed and len(system.copies) < 2,
+        integrated=_integrated(equations, parameters),
     )
+
+
+def _integrated(equations: MomentEquations, parameters: tuple[str, ...]) -> tuple[str, ...]:
+    """Parameters that a quadrature's integrand depends on, through others too."""
+    declared = equations.quasi_linear.system.model.parameters
+    waiting = {s.name for df in describing_functions(equations) if df.nodes for s in df.body.free_symbols - set(df.arguments)}
+    found: set[str] = set()
+    while waiting:
+        name = waiting.pop()
+        found.add(name)
+        if name in declared:
+            waiting |= {s.name for s in declared[name].value.free_symbols} - found
+    return tuple(name for name in parameters if name in found)
 
 
 def is_accurate(equations: MomentEquations) -> bool:
     """Whether no expectation is so inexact that a warning is due whenever it is used."""
-    return all(describing.error <= WARNED for describing in _describing(equations))
+    return all(describing.error <= WARNED for describing in describing_functions(equations))
 
 
-def _describing(equations: MomentEquations) -> Iterator[DescribingFunction]:
+def describing_functions(equations: MomentEquations) -> Iterator[DescribingFunction]:
+    """Those of all elements, of the rates and of the outputs and their variances."""
     for element in equations.quasi_linear.elements:
         yield element.describing
     for form in equations.quasi_linear.outputs.values():
