@@ -187,4 +187,5 @@ def test_limits_of_99_percent_hold_the_truth_in_97_to_100_percent_of_200_seeds()
         for moment, truth in (("mean", 0.0), ("variance", exact)):
             low, high = getattr(run, f"{moment}_limits")("v")
             inside[moment] += bool(low[0] < truth < high[0])
+    print(f"of 200 seeds inside: {inside}")
     assert all(194 <= count <= 200 for count in inside.values()), inside
