@@ -100,6 +100,8 @@ def _sizes(packing: Packing, y: Array) -> Array:
     """The size of every moment, to one digit: standard deviations and their products."""
     mean, covariance = packing.unpack(y)
     deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    # what an integrator leaves where nothing is random is no size
+    deviation[deviation < 1e-25 * np.abs(mean).max(initial=0.0)] = 0.0
     rows, columns = packing.triangle
     alongside = y[packing.moments :]
     size = np.concatenate(

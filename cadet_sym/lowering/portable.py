@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cadet_sym.delay import DelayGrid
+from cadet_sym.errors import ExportError
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.lowering.initial import filter_matrices, vehicle_start
 from cadet_sym.lowering.switches import switch_functions
@@ -71,14 +72,25 @@ class StartParts:
     smooth: bool  # then: N (n, n), V, the noise inputs (n, q) of every delayed wheel
 
 
+LARGEST = 200_000
+"""Operations of a rate that is exported: its Jacobian takes four times as many, a compiler minutes for both."""
+
+
 def portable(functions: MomentFunctions) -> PortableFunctions:
-    """Make the functions that are exported; the same graphs as Python evaluates."""
+    """Make the functions that are exported; the same graphs as Python evaluates.
+
+    Raises
+    ------
+    ExportError
+        If the rate takes more operations than a compiler of C is to be given.
+    """
     lowered = functions.symbolic
     packing = lowered.equations.packing
     t, s, V = ca.SX.sym("t"), ca.SX.sym("s"), ca.SX.sym("V")
     y, p = ca.SX.sym("y", packing.size), ca.SX.sym("p", len(lowered.parameters))
     run, frozen = {"t": t, "y": y, "p": p}, {"t": t, "s": s, "V": V, "y": y, "p": p}
     rate, gain = _parts(lowered.parts if packing.ground else lowered.rate, list(run.values()))
+    _check_size(functions, _function("rate", run, ("dy", "parts"), rate))
     held, _ = _parts(lowered.held_parts if packing.ground else lowered.held_rate, list(frozen.values()))
     if packing.distance:  # at a held speed the distance is drawn to s
         held[0][packing.moments] = s - y[packing.moments]
@@ -104,6 +116,18 @@ def portable(functions: MomentFunctions) -> PortableFunctions:
         gain=gain,
         start_parts=start_parts,
         settling=_settling(lowered, held[0], y, ca.vertcat(t, s)),
+    )
+
+
+def _check_size(functions: MomentFunctions, rate: ca.Function) -> None:
+    count = rate.n_instructions()
+    if count <= LARGEST:
+        return
+    nodes, name = max(((e.describing.nodes or 0, e.name) for e in functions.equations.quasi_linear.elements), default=(0, ""))
+    blame = f"; most go into the {nodes:,} nodes by which the expectation of `{name}` is computed" if nodes > 1000 else ""
+    raise ExportError(
+        f"the rate of this model takes {count:,} operations, and no more than {LARGEST:,} are written as C{blame}: "
+        "write it with functions of one argument"
     )
 
 
