@@ -121,12 +121,13 @@ static R size_of(const R *step, const R *scale)
     return largest;
 }
 
-/* The largest of `wrong` over the size of the terms that make up each equation; values hold the Jacobian. */
-static R relative(const half_car_acceleration_stationary_work *work, const R *y, const R *wrong, const R *scale, R *terms)
+/* The largest of `wrong` over the size of the terms that make up each equation; values hold the Jacobian. What does not
+ * depend on y is a term, too, and shows in the rate where the others are small. */
+static R relative(const half_car_acceleration_stationary_work *work, const R *y, const R *wrong, const R *rate, const R *scale, R *terms)
 {
     R largest = K(0.0);
     for (int i = 0; i < SIZE; i++)
-        terms[i] = SMALLEST;
+        terms[i] = M(fabs)(rate[i]) + SMALLEST;
     for (int j = 0; j < SIZE; j++) {
         const R size = M(fabs)(y[j]) > scale[j] ? M(fabs)(y[j]) : scale[j];
         for (int k = half_car_acceleration_jacobian_column[j]; k < half_car_acceleration_jacobian_column[j + 1]; k++)
@@ -177,7 +178,7 @@ static half_car_acceleration_status newton(half_car_acceleration_stationary_prob
         for (int i = 0; i < SIZE; i++)
             trial[i] = y[i] + step[i];
         scales(y, scale);
-        problem->residual = relative(work, y, rate, scale, other);
+        problem->residual = relative(work, y, rate, rate, scale, other);
         scales(trial, other);
         for (int i = 0; i < SIZE; i++)
             scale[i] = other[i] > scale[i] ? other[i] : scale[i];
@@ -229,7 +230,7 @@ static half_car_acceleration_status follow(half_car_acceleration_stationary_prob
             good = linearise(problem, p, y, K(1.0) / h);
         }
         scales(y, scale);
-        residual = relative(work, y, rate, scale, other);
+        residual = relative(work, y, rate, rate, scale, other);
         if (residual < K(1e-2) * tried && residual < K(1e-4)) {
             tried = residual;
             for (int i = 0; i < SIZE; i++)
@@ -257,11 +258,11 @@ static half_car_acceleration_status follow(half_car_acceleration_stationary_prob
             scales(trial, scale);
             for (int i = 0; i < SIZE; i++)
                 kept[i] = there[i] - step[i] / h;
-            wrong = relative(work, trial, kept, scale, other);
+            wrong = relative(work, trial, kept, rate, scale, other);
         }
         if (!good || !(wrong < K(0.5))) {
             h /= K(4.0);
-            if (h * fastest < K(1e-7))
+            if (h * fastest < ROUNDING)
                 return HALF_CAR_ACCELERATION_NO_CONVERGENCE;
             continue;
         }
@@ -465,7 +466,7 @@ half_car_acceleration_status half_car_acceleration_stationary(half_car_accelerat
             continue;
         rate_at(problem, p, y, work->vectors[RATE]);
         scales(y, work->vectors[SCALE]);
-        problem->residual = relative(work, y, work->vectors[RATE], work->vectors[SCALE], work->vectors[OTHER]);
+        problem->residual = relative(work, y, work->vectors[RATE], work->vectors[RATE], work->vectors[SCALE], work->vectors[OTHER]);
         if (!semidefinite(problem, y, work->vectors[SCALE])) {
             status = HALF_CAR_ACCELERATION_NOT_SEMIDEFINITE;
             continue;
