@@ -1,8 +1,9 @@
 """The exported C against a program written by hand for the same equations: Figure 3 of Harrison & Hammond (1986).
 
 Both are adaptive Dormand & Prince programs with the same measure of the error, at one output time. Run with
-``python benchmarks/export.py``; needs gcc. Prints seconds a run, rates, and the results; then how many times longer 2000
-paths of the compiled Monte Carlo take, one core each; then what large models take to export and to compile at -O1.
+``python benchmarks/export.py``; needs gcc. Prints processor time a run, rates, and the results; how many times longer 2000
+compiled plain paths take, with the error of their step beside that of chance; then what large models take to export and to
+compile at -O1.
 """
 
 from __future__ import annotations
@@ -16,10 +17,11 @@ import subprocess
 import tempfile
 from pathlib import Path
 from resource import RUSAGE_CHILDREN, getrusage
-from time import perf_counter, process_time
+from time import process_time
 
+import numpy as np
 from chains import car
-from monte_carlo import plain
+from monte_carlo import plain, plain_pairs, step_errors
 
 import cadet_sym as cs
 
@@ -163,39 +165,54 @@ def measured(folder: Path, name: str, sources: list[Path], rtol: str) -> list[fl
     return min([float(number) for number in re.split(r"\s+", run.strip())] for run in runs)
 
 
-STEPS = (2000, 5000, 10000)
+PATHS = 2000
+STEPS = (2500, 5000, 10_000)
 """Of a plain path: the ratio depends on them. At the end of the run the ground's filter has 160 a second to follow."""
 
 
-def paths_seconds(steps: int) -> tuple[float, float]:
-    """Plain paths (see `monte_carlo.plain`), compiled before: the fastest of three in seconds, and the variance."""
+def paths_seconds(steps: int) -> float:
+    """Processor time of plain paths (see `monte_carlo.plain`), compiled before: the least of three."""
     plain(32, steps)
     runs = []
     for _ in range(3):
-        begin = perf_counter()
-        closure = plain(2000, steps)
-        runs.append((perf_counter() - begin, float(closure.var())))
+        begin = process_time()
+        plain(PATHS, steps)
+        runs.append(process_time() - begin)
     return min(runs)
+
+
+def paths_table() -> dict[int, float]:
+    """Seconds of the paths; prints what their step and what chance makes of the mean and the variance."""
+    chance = np.array([PATHS**-0.5, (2 / PATHS) ** 0.5])  # of the deviation, and of the variance
+    found = {}
+    print(f"{PATHS} plain paths; error of mean (beside the deviation) and variance: of the step, of chance")
+    for steps, (error, _) in step_errors(plain_pairs, 2 * PATHS).items():
+        if steps in STEPS:
+            found[steps] = paths_seconds(steps)
+            (m, v), (cm, cv) = 100 * error, 100 * chance
+            much = "below" if (abs(error) < chance).all() else "ABOVE"
+            print(f"  {steps} steps {found[steps]:.3f} s: {m:+.1f} %, {v:+.1f} %; {cm:.1f} %, {cv:.1f} %: {much} chance")
+    return dict(sorted(found.items()))
 
 
 def figure_3(place: Path) -> None:
     """By hand and exported at two tolerances, and the paths beside them."""
     compiled = cs.compile(ROOT / "models" / "oleo_acceleration.toml")
+    exact = compiled.propagate(rtol=1e-11)
     folder = compiled.export_c(place / "c", prefix="oleo")
     library = [path for path in folder.glob("*.c") if path.name not in ("main.c", "test.c")]
     (folder / "hand_main.c").write_text(HAND)
     (folder / "exported_main.c").write_text(EXPORTED)
-    paths = {steps: paths_seconds(steps) for steps in STEPS}
-    for steps, (seconds, variance) in paths.items():
-        print(f"2000 plain paths of {steps} steps {seconds:.3f} s, variance {variance:.4f}")
+    paths = paths_table()
     for rtol in ("1e-6", "1e-3"):
         hand = measured(folder, "hand", [folder / "hand_main.c"], rtol)
         exported = measured(folder, "exported", [*library, folder / "exported_main.c"], rtol)
         for name, (seconds, steps, rates, mean, variance) in (("by hand", hand), ("exported", exported)):
+            off = [abs(mean / exact.mean["x"][-1] - 1), abs(variance / exact.variance["x"][-1] - 1)]
             work = f"{1e3 * seconds:.3f} ms  {steps:.0f} steps  {rates:.0f} rates"
-            result = f"mean {mean:.8f}  variance {variance:.8f}"
-            print(f"rtol {rtol}  {name:10} {work}  {result}")
-            print("    2000 paths / run: " + ", ".join(f"{each / seconds:.0f} ({n} steps)" for n, (each, _) in paths.items()))
+            print(f"rtol {rtol}  {name:10} {work}  error of mean {off[0]:.1e}, of variance {off[1]:.1e}")
+            ratios = ", ".join(f"{each / seconds:.0f} ({n} steps)" for n, each in paths.items())
+            print(f"    {PATHS} paths / run: {ratios}")
         print(f"rtol {rtol}  exported / by hand {exported[0] / hand[0]:.2f}")
 
 
