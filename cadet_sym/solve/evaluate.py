@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from cadet_sym.lowering.functions import MomentFunctions
 
-__all__ = ["Rate", "gains", "give", "over_time", "take"]
+__all__ = ["Rate", "behind", "gains", "give", "over_time", "take"]
 
 Array = npt.NDArray[np.float64]
 
@@ -84,6 +84,11 @@ def _virtual(lowered: MomentFunctions, time: Array, p: Array) -> Callable[[Array
         evaluate()
 
     return run
+
+
+def behind(begin: float) -> float:
+    """A time on a stretch's own side of its beginning: where an input jumps there, the rate at `begin` is that before it."""
+    return begin + 4 * float(np.spacing(begin)) if begin > 0 else begin
 
 
 def gains(lowered: MomentFunctions, t: float, y: Array, p: Array) -> Array:

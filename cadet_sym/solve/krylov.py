@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.solve.breakdown import Breakdown
-from cadet_sym.solve.evaluate import Rate, gains
+from cadet_sym.solve.evaluate import Rate, behind, gains
 from cadet_sym.solve.ground import GroundInverse
 from cadet_sym.solve.implicit import Inverse, PackedIndex, scaled_form
 from cadet_sym.solve.scales import Tolerance
@@ -72,8 +72,11 @@ class Stepping:
         found = np.empty((len(grid), len(y)))
         # What is not finite makes SUNDIALS shorten its step; scikit-sundae prints what it also returns.
         with np.errstate(all="ignore"), redirect_stdout(StringIO()), one_thread():
-            solver.init_step(begin, y)
+            solver.init_step(behind(begin), y)
             for k, t in enumerate(grid):
+                if t <= behind(begin):  # next to the beginning: no step reaches it
+                    found[k] = y
+                    continue
                 result = solver.step(float(t), "normal", end)
                 if not result.success or not np.abs(result.y).max(initial=0.0) < FAR:
                     reason = "Its steps shrink to nothing." if self.rate.stalled else str(result.message)

@@ -18,7 +18,7 @@ from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.lowering.kernel import kernel
 from cadet_sym.solve.backward import MATRICES, PROCEDURES, REFRESH, STALLED, STATE, VECTORS
 from cadet_sym.solve.breakdown import Breakdown
-from cadet_sym.solve.evaluate import gains
+from cadet_sym.solve.evaluate import behind, gains
 from cadet_sym.solve.implicit import scaled_form
 from cadet_sym.solve.lyapunov import ModalForm
 from cadet_sym.solve.native import Native
@@ -56,6 +56,7 @@ class Stiff:
 
     def advance(self, begin: float, y: Array, grid: Array) -> Array:
         """Packed moments (k, size) at the times of the grid, from y at `begin`."""
+        begin = behind(begin)
         rate = self.lowered.machine("rate")
         assert rate is not None, "chosen only where there is machine code"
         n, size = self.lowered.facts.packing.n, len(y)
