@@ -194,6 +194,8 @@ def _over(
             slices.append(Slice(Integral(lower, upper, value, z, steep, singular), *expectations))
     steps = (Step(position, inner(change)) for position, change in _steps(slices, z))
     met, error = _crossings(slices, z, others)
+    inside = max((piece.inner.error for piece in slices), default=0.0)
+    error = max(error, inside) if inside >= CURVED_ERROR else error
     crossings = tuple(c for c in met if c.width is None or not wish.plain)
     ruled = tuple(_ruled(s, crossings, wish.plain) for s in slices)
     return Nested(outer, others, ruled, tuple(steps), crossings, PLAIN_ERROR if wish.plain else error)
