@@ -132,6 +132,33 @@ def figure_3(table: Table, repeat: int, monte_carlo: bool) -> None:
     rows_of(compiled, "Figure 3", times, runs, table)
 
 
+def growth(console: Console, kinds: tuple[str, ...], sizes: tuple[int, ...] = (32, 64, 100, 200)) -> None:
+    """How the time of a run grows with the number of states: the exponent between the first size and the last."""
+    times = np.linspace(0, 20, 21)
+    for kind in kinds:
+        found = []
+        for n in sizes:
+            compiled = cs.compile(getattr(chains, kind)(n))
+            found.append(float(np.median(measured(ours(compiled, times), 3)[0])))
+        exponent = np.log(found[-1] / found[0]) / np.log(sizes[-1] / sizes[0])
+        milliseconds = ", ".join(f"{n}: {each:.1f}" for n, each in zip(sizes, found, strict=True))
+        console.print(f"{kind}, ms at n = {milliseconds}; grows as n^{exponent:.2f}")
+
+
+def sweep_on_two_cores(console: Console, points: int = 2000) -> None:
+    """Wall seconds of a sweep of the quarter car, in this process and in two of its own; their start is part of it."""
+    model, seconds, found = cs.load(ROOT / "models" / "quarter_car_linear.toml"), [], []
+    values = {"c_s": np.linspace(0.5, 2.0, points) * model.parameter_values()["c_s"]}
+    for workers in (1, 2):
+        began = time.perf_counter()
+        found.append(cs.sweep(model, values, workers=workers, progress=False, points=501))
+        seconds.append(time.perf_counter() - began)
+    pairs = zip(found[0].histories, found[1].histories, strict=True)
+    same = all(np.array_equal(a.state_covariance, b.state_covariance) for a, b in pairs if a and b)
+    ratio = f"{seconds[0] / seconds[1]:.2f} times, {'the same' if same else 'OTHER'} numbers"
+    console.print(f"sweep of {points} points: {seconds[0]:.1f} s on one core, {seconds[1]:.1f} s on two: {ratio}")
+
+
 def chain(table: Table, kind: str, n: int, repeat: int) -> None:
     compiled, times = cs.compile(getattr(chains, kind)(n)), np.linspace(0, 20, 21)
     repeat = repeat if n < 100 else 2
@@ -141,7 +168,7 @@ def chain(table: Table, kind: str, n: int, repeat: int) -> None:
     if kind == "masses":
         formulas = {"linear_multistep_method": "adams", "nonlinear_solver_iteration": "functional"}
         runs["CasADi CVODES, Adams"] = (casadi_alone(compiled, times, **formulas), repeat)
-    if kind == "damped":
+    if kind in ("damped", "relaxations"):
         runs["SciPy BDF, sparse Jacobian"] = (sparse_bdf(compiled, times), 1)
     if kind == "car":
         runs["script, RK45"] = (script(scripts.car(n), times, "RK45"), 1)
@@ -207,9 +234,12 @@ def main() -> None:
     for n in (*arguments.chains, *arguments.large):
         chain(table, "masses", n, arguments.repeat)
         chain(table, "damped", n, arguments.repeat)
+    chain(table, "relaxations", 64, arguments.repeat)
     console = Console(width=120)
     console.print(table)
+    growth(console, ("masses", "damped"))
     console.print(f"peak memory {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20:.2f} GiB")
+    sweep_on_two_cores(console)
     first_result(console)
 
 

@@ -7,11 +7,13 @@ whatever order. A point that fails is kept as such, with its message; the others
 from __future__ import annotations
 
 import itertools
+import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -31,6 +33,15 @@ if TYPE_CHECKING:
 __all__ = ["Sweep", "sweep"]
 
 Array = npt.NDArray[np.float64]
+
+TRIAL = 0.5
+"""Seconds after which it is looked at how long the rest of a sweep would take ..."""
+
+START_UP = 6.0
+"""... and seconds of that which other processes are worth: each imports and reads the model for one or two."""
+
+CHUNK = 25
+"""Points handed over at once, at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +109,8 @@ def sweep(
     ----------
     values : values by parameter. A grid is their product, the last varying fastest; samples stand side by side.
     executor : anything with the `submit` of `concurrent.futures`: a Dask client's or MPI's executor spreads the sweep
-        over many machines. By default processes on this one; `workers=1` stays in this process.
+        over many machines. By default this process, and others on this machine if there are seconds of work left;
+        `workers` asks for so many at once.
     progress : show a bar on standard error; by default if that is a terminal.
     run : arguments of `CompiledModel.propagate` (times, duration, points, rtol, engine).
 
@@ -112,13 +124,8 @@ def sweep(
     compiled = _compiled(model)
     for row in points[:1]:
         compiled.parameter_vector(dict(zip(names, row.tolist(), strict=True)))
-    if executor is None and (workers == 1 or len(points) < 2):
-        results = {i: _run(model, names, row, run) for i, row in _shown(enumerate(points), len(points), progress)}
-    else:
-        with _pool(executor, workers) as pool:
-            waiting = {pool.submit(_run, model, names, row, run): i for i, row in enumerate(points)}
-            done = _shown(_completed(waiting), len(points), progress)
-            results = {waiting[future]: _outcome(future) for future in done}
+    pairs = _results(_Task(model, names, run), points, executor, workers)
+    results = dict(_shown(pairs, len(points), progress))
     histories = [results[i] for i in range(len(points))]
     failures = {i: each for i, each in enumerate(histories) if isinstance(each, str)}
     kept = tuple(None if isinstance(each, str) else each for each in histories)
@@ -152,16 +159,48 @@ def _compiled(model: Model) -> CompiledModel:
     return _here[key]
 
 
-def _run(model: Model, names: Sequence[str], row: Array, run: Mapping[str, Any]) -> MomentHistory | str:
-    """One point, in whatever process; a numerical failure comes back as its message."""
-    try:
-        return _compiled(model).propagate(parameters=dict(zip(names, row.tolist(), strict=True)), **run)
-    except (SolverError, ArithmeticError) as error:
-        return f"{', '.join(f'{n} = {v:g}' for n, v in zip(names, row, strict=True))}: {error}"
+@dataclass(frozen=True)
+class _Task:
+    """What is the same at every point."""
+
+    model: Model
+    names: Sequence[str]
+    run: Mapping[str, Any]
+
+    def at(self, row: Array) -> MomentHistory | str:
+        """One point, in whatever process; a numerical failure comes back as its message."""
+        try:
+            return _compiled(self.model).propagate(
+                parameters=dict(zip(self.names, row.tolist(), strict=True)), **self.run
+            )
+        except (SolverError, ArithmeticError) as error:
+            return f"{', '.join(f'{n} = {v:g}' for n, v in zip(self.names, row, strict=True))}: {error}"
+
+    def some(self, rows: Sequence[tuple[int, Array]]) -> list[tuple[int, MomentHistory | str]]:
+        """Several points."""
+        return [(i, self.at(row)) for i, row in rows]
 
 
-def _outcome(future: Any) -> MomentHistory | str:
-    return future.result()
+def _results(
+    task: _Task, points: Array, executor: Any, workers: int | None
+) -> Iterator[tuple[int, MomentHistory | str]]:
+    """The points' results with their numbers, as they come: here while that is soon done, then wherever there is room."""
+    waiting = list(enumerate(points))
+    if executor is None and (workers is None or workers == 1 or len(points) < 2):
+        began = perf_counter()
+        while waiting:
+            i, row = waiting.pop(0)
+            yield i, task.at(row)
+            spent = perf_counter() - began
+            if workers is None and spent > TRIAL and spent / (i + 1) * len(waiting) > START_UP:
+                break
+    if not waiting:
+        return
+    with _pool(executor, workers) as pool:
+        length = max(1, min(CHUNK, len(waiting) // (4 * (workers or os.cpu_count() or 1))))
+        chunks = [waiting[k : k + length] for k in range(0, len(waiting), length)]
+        for future in _completed([pool.submit(task.some, chunk) for chunk in chunks]):
+            yield from future.result()
 
 
 @contextmanager
@@ -177,7 +216,7 @@ def _pool(executor: Any, workers: int | None) -> Iterator[Any]:
         yield pool
 
 
-def _completed(waiting: Mapping[Any, int]) -> Iterator[Any]:
+def _completed(waiting: Sequence[Any]) -> Iterator[Any]:
     """Futures as they finish; those of other executors than the standard library's in order."""
     from concurrent.futures import Future, as_completed
 

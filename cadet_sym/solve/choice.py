@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.solve.course import Start, edges
-from cadet_sym.solve.evaluate import gains
+from cadet_sym.solve.evaluate import Gains
 from cadet_sym.solve.native import has_machine_code
 from cadet_sym.solve.stiff import MANY_STATES
 
@@ -77,8 +77,8 @@ def compiles(lowered: MomentFunctions, start: Start, engine: str) -> bool:
 
 def modes(lowered: MomentFunctions, start: Start, duration: float, along: Array) -> npt.NDArray[np.complex128]:
     """Eigenvalues of the covariance's rate over a run's length, from N at even times with the moments `along`; or NaN."""
-    times = np.linspace(0, duration, len(along))
-    matrices = np.array([gains(lowered, t, y, start.p) for t, y in zip(times, along, strict=True)])
+    times, gains = np.linspace(0, duration, len(along)), Gains(lowered, start.p)
+    matrices = np.array([gains(t, y) for t, y in zip(times, along, strict=True)])
     if not np.isfinite(matrices).all():
         return np.array([complex(np.nan)])
     return np.asarray(2 * duration * np.linalg.eigvals(matrices), dtype=complex)

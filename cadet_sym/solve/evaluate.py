@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from cadet_sym.lowering.functions import MomentFunctions
 
-__all__ = ["Rate", "behind", "gains", "give", "over_time", "take"]
+__all__ = ["Gains", "Rate", "behind", "gains", "give", "over_time", "take"]
 
 Array = npt.NDArray[np.float64]
 
@@ -91,12 +91,43 @@ def behind(begin: float) -> float:
     return begin + 4 * float(np.spacing(begin)) if begin > 0 else begin
 
 
+class Gains:
+    """N = E[df/dx] (n, n) at a time and packed moments, through buffers."""
+
+    def __init__(self, lowered: MomentFunctions, p: Array) -> None:
+        packing = self._packing = lowered.facts.packing
+        given, N = np.ascontiguousarray(p, dtype=float), lowered.gain_matrix.sparsity_out(0)
+        self._time, self._motion = np.zeros(1), np.zeros(4)  # V, V', s and where it starts
+        self._y, self._context, self._entries = np.zeros(packing.moments), np.zeros(4), np.zeros(N.nnz())
+        self._rows, self._columns = (np.array(part, dtype=np.intp) for part in N.get_triplet())
+        self._kept = given  # the buffers read from it
+        motion, self._move = lowered.motion.buffer()
+        give(motion, 0, self._time)
+        give(motion, 1, given)
+        for i in range(4):
+            take(motion, i, self._motion[i : i + 1])
+        gain, self._evaluate = lowered.gain_matrix.buffer()
+        for i, part in enumerate((self._y, self._context, given)):
+            give(gain, i, part)
+        take(gain, 0, self._entries)
+        self._buffers = motion, gain
+
+    def __call__(self, t: float, y: Array) -> Array:
+        """N at one time and the moments there."""
+        self._time[0] = t
+        self._move()
+        V, dV, s, _ = self._motion
+        self._context[:] = t, y[self._packing.moments] if self._packing.distance else s, V, dV
+        self._y[:] = y[: self._packing.moments]
+        self._evaluate()
+        N = np.zeros((self._packing.n, self._packing.n))
+        N[self._rows, self._columns] = self._entries
+        return N
+
+
 def gains(lowered: MomentFunctions, t: float, y: Array, p: Array) -> Array:
     """N (n, n) at packed moments y."""
-    packing = lowered.facts.packing
-    V, dV, s, _ = (float(part) for part in lowered.motion(t, p))
-    s = float(y[packing.moments]) if packing.distance else s
-    return np.asarray(lowered.gain_matrix(y[: packing.moments], np.array([t, s, V, dV]), p))
+    return Gains(lowered, p)(t, y)
 
 
 def over_time(function: ca.Function, time: Array, y: Array, p: Array) -> list[Array]:

@@ -92,22 +92,26 @@ def _march() -> Any:
     return kernel(*PROCEDURES).function("march", *types, vector, vector, vector, returns=integer)
 
 
-_known: WeakKeyDictionary[MomentFunctions, dict[bytes, tuple[Places, Places]]] = WeakKeyDictionary()
+_places: WeakKeyDictionary[MomentFunctions, tuple[Places, Places]] = WeakKeyDictionary()
+_resting: WeakKeyDictionary[MomentFunctions, dict[bytes, bool]] = WeakKeyDictionary()
 
 
 def _parts(lowered: MomentFunctions, p: Array, y: Array) -> tuple[Places, Places]:
     """The packed moments that have to be integrated from y on, and those that stay."""
-    all_of_them = np.arange(len(y))
-    if lowered.large:  # the few that stay do not pay for a rate of its own
-        return all_of_them, all_of_them[:0]
-    kept, key = _known.setdefault(lowered, {}), p.tobytes() + y.tobytes()
+    if lowered not in _places:
+        every = np.arange(len(y))
+        # of a large model, the few that stay do not pay for a rate of its own
+        free = every if lowered.large else np.array(lowered.free_entries()["free"], dtype=np.intp).ravel()
+        _places[lowered] = free, np.setdiff1d(every, free)
+    free, held = _places[lowered]
+    if not len(held):
+        return free, held
+    kept, key = _resting.setdefault(lowered, {}), p.tobytes() + y[held].tobytes()
     if key not in kept:
         if len(kept) > 256:
             kept.clear()
-        free = np.array(lowered.free_entries()["free"], dtype=np.intp).ravel()
-        held = np.setdiff1d(all_of_them, free)
-        kept[key] = (free, held) if len(held) and _rest(lowered, p, y, held) else (all_of_them, all_of_them[:0])
-    return kept[key]
+        kept[key] = _rest(lowered, p, y, held)
+    return (free, held) if kept[key] else (np.arange(len(y)), held[:0])
 
 
 def _rest(lowered: MomentFunctions, p: Array, y: Array, held: Places) -> bool:
