@@ -79,7 +79,7 @@ class MomentFunctions:
     @property
     def calls(self) -> bool:
         """Whether the rate calls other functions, which find the order of a quadrature by themselves."""
-        return bool(self.rate.find_functions())
+        return bool((self.ingredients if self.large else self.rate).find_functions())
 
     @property
     def equations(self) -> MomentEquations:
