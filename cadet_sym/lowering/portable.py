@@ -124,7 +124,7 @@ def _check_size(functions: MomentFunctions, rate: ca.Function) -> None:
     if count <= LARGEST:
         return
     nodes, name = max(((e.describing.nodes or 0, e.name) for e in functions.equations.quasi_linear.elements), default=(0, ""))
-    blame = f"; most go into the {nodes:,} nodes by which the expectation of `{name}` is computed" if nodes > 1000 else ""
+    blame = f"; most go into the nodes by which the expectation of `{name}` is computed" if nodes else ""
     raise ExportError(
         f"the rate of this model takes {count:,} operations, and no more than {LARGEST:,} are written as C{blame}: "
         "write it with functions of one argument"
