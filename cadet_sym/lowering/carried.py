@@ -17,6 +17,7 @@ import casadi as ca
 import numpy as np
 
 from cadet_sym.delay import DelayGrid, Gap
+from cadet_sym.lowering.held import opened
 from cadet_sym.lowering.llvm import intermediate, literal
 
 if TYPE_CHECKING:
@@ -36,14 +37,8 @@ def head(lowered: MomentFunctions, *, free: bool) -> ca.Function:
     """
     grid, packing, count = lowered.facts.delay, lowered.facts.packing, len(lowered.parameters)
     assert grid is not None
-    size = packing.size
-    kept = np.array(lowered.free_entries()["free"], dtype=int).ravel() if free else np.arange(size)
-    held = np.setdiff1d(np.arange(size), kept)
-    t, x, p = ca.SX.sym("t"), ca.SX.sym("x", len(kept)), ca.SX.sym("p", count + len(held))
-    y = ca.SX(size, 1)
-    y[kept.tolist()] = x
-    if len(held):
-        y[held.tolist()] = p[count:]
+    kept = np.array(lowered.free_entries()["free"], dtype=int).ravel() if free else np.arange(packing.size)
+    t, x, p, y = opened(lowered, kept)
     rates, N, speed, entering = lowered.parts(t, y, p[:count])
     columns = [ca.densify(N[: grid.rows, c]) for c in used_columns(lowered.parts.sparsity_out(1), grid.rows)]
     added, first = [], 0

@@ -15,7 +15,7 @@ import numpy as np
 if TYPE_CHECKING:
     from cadet_sym.lowering.functions import MomentFunctions
 
-__all__ = ["free_entries", "free_rate"]
+__all__ = ["free_entries", "free_rate", "opened"]
 
 
 def free_entries(lowered: MomentFunctions) -> ca.Function:
@@ -45,16 +45,22 @@ def _alone(lowered: MomentFunctions, group: list[int]) -> bool:
     return not ca.depends_on(rates, ca.vertcat(t, s, y[others]))
 
 
-def free_rate(lowered: MomentFunctions) -> ca.Function:
-    """(t, y free, [p; y held]) -> rate of the free ones."""
+def opened(lowered: MomentFunctions, kept: np.ndarray) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+    """t, x, p and y: moments y of which those kept are x, and the others stand behind the parameters in p."""
     size, count = lowered.facts.packing.size, len(lowered.parameters)
-    free = np.array(lowered.free_entries()["free"], dtype=int).ravel()
-    held = np.setdiff1d(np.arange(size), free)
-    t, x, p = ca.SX.sym("t"), ca.SX.sym("x", len(free)), ca.SX.sym("p", count + len(held))
+    held = np.setdiff1d(np.arange(size), kept)
+    t, x, p = ca.SX.sym("t"), ca.SX.sym("x", len(kept)), ca.SX.sym("p", count + len(held))
     y = ca.SX(size, 1)
-    y[free.tolist()] = x
+    y[kept.tolist()] = x
     if len(held):
         y[held.tolist()] = p[count:]
-    rates = ca.densify(lowered.rate(t, y, p[:count])[free.tolist()])
+    return t, x, p, y
+
+
+def free_rate(lowered: MomentFunctions) -> ca.Function:
+    """(t, y free, [p; y held]) -> rate of the free ones."""
+    free = np.array(lowered.free_entries()["free"], dtype=int).ravel()
+    t, x, p, y = opened(lowered, free)
+    rates = ca.densify(lowered.rate(t, y, p[: len(lowered.parameters)])[free.tolist()])
     rates = rates if lowered.calls else ca.cse(rates)
     return ca.Function("free_rate", [t, x, p], [rates], ["t", "x", "p"], ["dx"])

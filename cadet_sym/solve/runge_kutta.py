@@ -156,23 +156,21 @@ def march(
     h = first_step(rate, t, y, p, size, relative, absolute, grid[points - 1] - begin, work, end, slopes, n)
     report[3] += 2.0
     before = 1.0
-    for _step in range(most):
-        rest = grid[known] - t
-        if t + 0.1 * rest <= t:  # an output time next to the beginning of the stretch: no step reaches it
+    for _step in range(most + 1):  # the last only to write down where the steps led
+        report[0] = t
+        while t + 0.1 * (grid[known] - t) <= t:  # here, or nearer than a step can be
             row = part(found, known * n)
             for i in range(n):
                 row[i] = y[i]
             known += 1
-            report[0] = t
             if known == points:
                 return 0
-            continue
+        rest = grid[known] - t
         taken = h
         if h >= rest:
             taken = rest
         elif 2.0 * h > rest:
             taken = 0.5 * rest
-        report[0] = t
         if t + 0.1 * taken <= t:
             return STALLED
         for stage in range(1, STAGES):
@@ -200,14 +198,6 @@ def march(
             slopes[i] = slopes[STAGES * n + i]
         if taken == h or factor * taken > h:  # a step cut short says little about the next
             h = factor * taken
-        if taken == rest:
-            row = part(found, known * n)
-            for i in range(n):
-                row[i] = y[i]
-            known += 1
-            report[0] = t
-            if known == points:
-                return 0
     return TOO_MANY
 
 

@@ -23,6 +23,7 @@ from cadet_sym.solve.definite import lost, warn_of_loss
 from cadet_sym.solve.onset import past_onset
 from cadet_sym.solve.rough import ABSOLUTE, Outline, outline
 from cadet_sym.solve.scales import Tolerance, fits, peaks
+from cadet_sym.solve.stiff import MANY_STATES
 
 __all__ = ["ENGINES", "Start", "Trajectory", "check_times", "integrate"]
 
@@ -64,8 +65,9 @@ def integrate(
         raise ModelError(f"`{engine}` is not an engine; those are: {', '.join(ENGINES)}.")
     if engine in ("native", "stiff") and not compiles(lowered, start, engine):
         raise ModelError(
-            f'engine "{engine}": there is no machine code of this model, for it is large (have it made with `jit=True`) or '
-            "LLVM is not there; leave `engine` out."
+            f'engine "{engine}": there is no machine code of it for this model. That needs LLVM, for wheels that follow each '
+            f"other on many elements `jit=True`, and \"stiff\" at most {MANY_STATES} states and no such wheels; leave "
+            "`engine` out."
         )
     began = time.perf_counter()
     packing = lowered.facts.packing
