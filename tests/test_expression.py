@@ -380,3 +380,8 @@ def test_limits_can_be_raised_for_a_while():
         assert len(unparse(parse(" + ".join(f"x{k}" for k in range(500))))) > 2000
     with pytest.raises(ModelError, match="64"):
         canonical(x**100)
+
+
+def test_the_size_of_an_exponential_needs_no_declared_reality():
+    x = sp.Symbol("x")
+    assert canonical(sp.Abs(sp.exp(x))) == canonical(sp.exp(x))

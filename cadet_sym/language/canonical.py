@@ -145,6 +145,8 @@ def _canonical(expr: sp.Basic, seen: dict[sp.Basic, Any]) -> Any:
         result = ElementCall(Str(expr.name), *(_canonical(a, seen) for a in expr.arguments))
     elif isinstance(expr, AppliedUndef):
         result = ElementCall(Str(expr.func.__name__), *(_canonical(a, seen) for a in expr.args))
+    elif isinstance(expr, sp.re):  # SymPy's |e^x| of a symbol that is not declared real; here all are
+        result = _canonical(expr.args[0], seen)
     elif isinstance(expr, Lookup):
         result = Lookup(_canonical(expr.argument, seen), *expr.args[1:])
     elif type(expr) in _BUILD:
