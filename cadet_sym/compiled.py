@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from functools import cache, cached_property, partial
+from functools import cache, cached_property, lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
@@ -208,8 +208,9 @@ class CompiledModel:
         run = self.declaration
         if times is None:
             end = run.duration if duration is None else duration
-            times = np.linspace(0.0, end, run.points if points is None else points)
-        grid = check_times(times)
+            grid = _even_times(float(end), run.points if points is None else points)
+        else:
+            grid = check_times(times)
         start = self._start(self.parameter_vector(parameters), float(grid[-1]))
         try:
             trajectory = integrate(
@@ -256,7 +257,7 @@ class CompiledModel:
         values = dict(zip(self.parameters, p.tolist(), strict=True))
         begin = Start(self.initial(values), p, self.breakpoints(p, period) if period > 0 else ())
         cycle = find_cycle(self.functions, begin, period)
-        grid = np.linspace(0.0, period, points)
+        grid = check_times(np.linspace(0.0, period, points))
         trajectory = integrate(self.functions, Start(cycle.y, p, begin.breakpoints), grid, rtol=1e-9)
         more = {"newton steps": float(cycle.steps), "periods marched": float(cycle.periods)}
         history = self._history(trajectory, p, more)
@@ -522,6 +523,11 @@ class CompiledModel:
             provenance=self.provenance(trajectory.engine, trajectory.rtol, {**trajectory.statistics, **more}, p),
             derivatives=self.gradient,
         )
+
+
+@lru_cache(maxsize=16)
+def _even_times(end: float, points: int) -> Array:
+    return check_times(np.linspace(0.0, end, points))
 
 
 @cache

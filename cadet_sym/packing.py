@@ -39,6 +39,20 @@ class Packing:
         columns, rows = np.triu_indices(self.n)
         return rows, columns
 
+    @cached_property
+    def diagonal(self) -> npt.NDArray[np.intp]:
+        """Where the variances stand in y."""
+        rows, columns = self.triangle
+        return self.n + np.flatnonzero(rows == columns)
+
+    @cached_property
+    def square(self) -> npt.NDArray[np.intp]:
+        """Where the entries of the whole covariance stand in y, row by row, (n n,)."""
+        rows, columns = self.triangle
+        places = np.empty((self.n, self.n), dtype=np.intp)
+        places[rows, columns] = places[columns, rows] = np.arange(self.n, self.moments)
+        return places.ravel()
+
     def pack(self, mean: Array, covariance: Array) -> Array:
         """Means (n,) and covariance (n, n) as one vector of `moments` values."""
         rows, columns = self.triangle
@@ -46,7 +60,5 @@ class Packing:
 
     def unpack(self, y: Array) -> tuple[Array, Array]:
         """Mean (..., n) and symmetric covariance (..., n, n) of packed moments (..., size)."""
-        rows, columns = self.triangle
-        covariance = np.empty((*y.shape[:-1], self.n, self.n))
-        covariance[..., rows, columns] = covariance[..., columns, rows] = y[..., self.n : self.moments]
+        covariance = y.take(self.square, axis=-1).reshape(*y.shape[:-1], self.n, self.n)
         return y[..., : self.n].copy(), covariance

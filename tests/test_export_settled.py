@@ -123,7 +123,7 @@ def test_what_no_longer_stands_still_moves_again(start, change, stiff, car):
     y, moments = compiled.initial(), compiled.equations.packing.moments
     y[moments - 1] *= start
     for parameters in ({}, {"rough": 0.1 * change}):
-        y = integrate(compiled.functions, Start(y, compiled.parameter_vector(parameters)), [2.0], rtol=1e-10).y[-1]
+        y = integrate(compiled.functions, Start(y, compiled.parameter_vector(parameters)), np.array([2.0]), rtol=1e-10).y[-1]
     np.testing.assert_allclose(found, y, rtol=1e-6, atol=1e-7 * np.abs(y).max())
 
 

@@ -189,7 +189,7 @@ def test_without_llvm_everything_works(monkeypatch):
     history = compiled.propagate(points=5)
     assert history.provenance.engine == "CVODES (BDF, direct)"
     start = compiled._start(compiled.parameter_vector(), 10.0)
-    found = integrate(compiled.functions, start, [5.0], rtol=1e-8, engine="implicit")
+    found = integrate(compiled.functions, start, np.array([5.0]), rtol=1e-8, engine="implicit")
     np.testing.assert_allclose(found.y[0, :4], compiled.propagate([5.0]).state_mean[0], rtol=1e-5, atol=1e-7)
 
 

@@ -76,7 +76,7 @@ def _reached(lowered: MomentFunctions, p: Array, y0: Array, duration: float) -> 
     if packing.ground and not len(edges):
         return end, _explicit(lowered, p, y0, end)
     try:
-        found = integrate(lowered, Start(y0, p, edges), [end], rtol=1e-9, engine="direct")
+        found = integrate(lowered, Start(y0, p, edges), np.array([end]), rtol=1e-9, engine="direct")
     except SolverError:
         return 0.0, y0
     return end, found.y[-1]

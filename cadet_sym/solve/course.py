@@ -96,25 +96,27 @@ def march(
     A breakdown leaves as it is, or, where the tolerance asked for is given, explained to the user.
     """
     engine = _engine(lowered, start.p, kind, tolerance)
-    y, found = start.first[1], [start.y] if grid[0] == 0 else []
+    y, found, known = start.first[1], np.empty((len(grid), len(start.y))), 0
+    if grid[0] == 0:
+        found[0], known = start.y, 1
     for begin, end in itertools.pairwise(edges(start, grid)):
         if end <= begin:
             continue
-        inside = grid[(grid > begin) & (grid <= end)]
+        last = int(grid.searchsorted(end, side="right"))
+        inside = grid[known:last]
         stretch = inside if inside.size and inside[-1] == end else np.append(inside, end)
         try:
             values = _advance(engine, begin, y, stretch)
         except Breakdown as breakdown:
             if asked is None:
                 raise
-            if breakdown.found is not None:
-                found.extend(breakdown.found[: inside.size])
-            kept = np.array(found).reshape(len(found), len(y))
+            reached = np.empty((0, len(y))) if breakdown.found is None else breakdown.found[: inside.size]
+            kept = np.concatenate([found[:known], reached])
             partial = Trajectory(grid[: len(kept)], kept, engine.name, asked)
             raise explain(lowered, start.p, breakdown, begin, y, partial) from None
-        found.extend(values[: inside.size])
+        found[known:last], known = values[: inside.size], last
         y = values[-1]
-    return np.array(found), engine
+    return found, engine
 
 
 def _engine(lowered: MomentFunctions, p: Array, kind: str, tolerance: Tolerance) -> Engine:

@@ -18,21 +18,27 @@ LIMIT = 1e-9
 """Smallest eigenvalue of P over its trace: below minus this, P is no covariance."""
 
 LOOKED_AT = 64
-"""Times at which large covariances are checked."""
+"""Times at which large covariances are checked ..."""
+
+MANY = 24
+"""... those of more states than this."""
+
+EPSILON, TINY = float(np.finfo(float).eps), float(np.finfo(float).tiny)
 
 
 def lost(y: Array, packing: Packing) -> npt.NDArray[np.bool_]:
     """At which rows of packed moments (k, size) the covariance is not positive semidefinite, within rounding."""
-    n = packing.n
-    rows = np.arange(len(y)) if n <= 24 else np.unique(np.linspace(0, len(y) - 1, LOOKED_AT).astype(int))
-    mean, P = packing.unpack(y if len(rows) == len(y) else y[rows])
-    trace = np.einsum("kii->k", P)
-    rounding = (np.finfo(float).eps * np.abs(mean).max(axis=1, initial=0.0)) ** 2  # of a system without any noise
-    P[:, range(n), range(n)] += (LIMIT * np.maximum(trace, 0.0) + rounding + np.finfo(float).tiny)[:, None]
-    result = np.zeros(len(y), dtype=bool)
+    n, result = packing.n, np.zeros(len(y), dtype=bool)
+    rows = slice(None) if n <= MANY else np.unique(np.linspace(0, len(y) - 1, LOOKED_AT).astype(int))
+    looked_at = y[rows]
+    P = looked_at.take(packing.square, axis=1).reshape(-1, n, n)
+    diagonal = np.einsum("kii->ki", P)
+    diagonal += (LIMIT * np.maximum(np.add.reduce(diagonal, axis=1), 0.0) + TINY)[:, None]
     try:
         np.linalg.cholesky(P)
     except np.linalg.LinAlgError:
+        rounding = EPSILON * np.abs(looked_at[:, :n]).max(axis=1, initial=0.0)  # of a system without any noise
+        diagonal += (rounding**2)[:, None]
         result[rows] = np.linalg.eigvalsh(P)[:, 0] < 0
     return result
 

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
 
 from cadet_sym.lowering.functions import MomentFunctions
+from cadet_sym.memory import Memory
 from cadet_sym.solve.breakdown import Breakdown
 from cadet_sym.solve.choice import choose, compiles, modes
 from cadet_sym.solve.course import Start, march
@@ -45,18 +45,13 @@ class Outline:
     along: Array  # (3, size) moments at the start, half-way and at the end
 
 
-_known: WeakKeyDictionary[MomentFunctions, dict[tuple[float, bytes], Outline]] = WeakKeyDictionary()
+_known: Memory[Outline] = Memory()
 
 
 def outline(lowered: MomentFunctions, start: Start, duration: float, declared: Callable[[], Start] | None) -> Outline:
     """What a run is like, at the declared parameters if those are known."""
-    kept = _known.setdefault(lowered, {})
     key = (duration, b"" if declared else start.p.tobytes() + start.y.tobytes())
-    if key not in kept:
-        if len(kept) > 256:
-            kept.clear()
-        kept[key] = _rough_run(lowered, declared() if declared else start, duration)
-    return kept[key]
+    return _known(lowered, key, lambda: _rough_run(lowered, declared() if declared else start, duration))
 
 
 def _rough_run(lowered: MomentFunctions, start: Start, duration: float) -> Outline:

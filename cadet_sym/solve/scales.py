@@ -34,7 +34,7 @@ def peaks(y: Array, packing: Packing) -> Array:
     A mean counts at least as large as its state's standard deviation. What stays at zero gets a size from its fellows.
     """
     n = packing.n
-    deviation = np.sqrt(np.abs(y[:, _diagonal(packing)]).max(axis=0))
+    deviation = np.sqrt(np.abs(y[:, packing.diagonal]).max(axis=0))
     deviation = np.where(deviation > NOTHING, deviation, np.max(deviation, initial=0.0) * 1e-3)
     deviation = np.where(deviation > NOTHING, deviation, 1.0)
     mean = np.maximum(np.abs(y[:, :n]).max(axis=0), deviation)
@@ -59,15 +59,8 @@ def fits(size: Array, y: Array, packing: Packing) -> bool:
 
     A size that is too large is harmless until it is far too large: errors are held to a share of it.
     """
-    kept = np.concatenate([np.arange(packing.n), _diagonal(packing)])
-    largest = np.abs(y[:, kept]).max(axis=0)
-    variances = largest[packing.n :]
-    return bool(
-        (largest <= 100 * size[kept]).all() and (size[kept[packing.n :]] <= 1e4 * variances)[variances > 0].all()
-    )
-
-
-def _diagonal(packing: Packing) -> npt.NDArray[np.intp]:
-    """Where the variances stand in the packed moments."""
-    n = packing.n
-    return n + np.arange(n) * n - np.arange(n) * (np.arange(n) - 1) // 2
+    n, diagonal = packing.n, packing.diagonal
+    means, variances = (np.maximum.reduce(np.abs(part)) for part in (y[:, :n], y.take(diagonal, axis=1)))
+    sizes = size[diagonal]
+    near = (means <= 100 * size[:n]) & (variances <= 100 * sizes) & ((sizes <= 1e4 * variances) | (variances == 0))
+    return bool(near.all())

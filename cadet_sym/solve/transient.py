@@ -8,20 +8,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
-from weakref import WeakKeyDictionary
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from cadet_sym.errors import ModelError
 from cadet_sym.lowering.functions import MomentFunctions
+from cadet_sym.memory import Memory
 from cadet_sym.packing import Packing
 from cadet_sym.solve.choice import choose, compiles
 from cadet_sym.solve.course import ENGINES, Start, Trajectory, edges, march
 from cadet_sym.solve.definite import lost, warn_of_loss
 from cadet_sym.solve.onset import past_onset
-from cadet_sym.solve.rough import ABSOLUTE, Outline, outline
+from cadet_sym.solve.rough import ABSOLUTE, outline
 from cadet_sym.solve.scales import Tolerance, fits, peaks
 from cadet_sym.solve.stiff import MANY_STATES
 
@@ -36,16 +36,17 @@ BETWEEN = 100.0
 def integrate(
     lowered: MomentFunctions,
     start: Start,
-    times: npt.ArrayLike,
+    grid: Array,
     *,
     rtol: float = 1e-8,
     engine: str = "auto",
     declared: Callable[[], Start] | None = None,
 ) -> Trajectory:
-    """Integrate the packed moments from the start to the `times` (increasing, from 0 on).
+    """Integrate the packed moments from the start to the times of the grid.
 
     Parameters
     ----------
+    grid : increasing, from 0 on (see `check_times`).
     engine : "auto", or "direct" (CasADi's CVODES), "implicit" or "krylov" (BDF with the Lyapunov inverse, by itself
         or as the preconditioner of GMRES), "explicit" (Adams, CasADi's CVODES), "stepping" (the same, restarted at no
         cost), "native" (explicit Runge-Kutta formulas in machine code, where LLVM is there), "stiff" (BDF in machine code).
@@ -58,8 +59,7 @@ def integrate(
         If the integration fails or overflows: says at what time, for which state, and what was reached; `partial` is
         the Trajectory up to there.
     """
-    grid = check_times(times)
-    if not (np.isfinite(rtol) and 1e-13 <= rtol <= 0.1):
+    if not 1e-13 <= rtol <= 0.1:
         raise ModelError(f"rtol is {rtol!r}; it must lie between 1e-13 and 0.1.")
     if engine not in ENGINES:
         raise ModelError(f"`{engine}` is not an engine; those are: {', '.join(ENGINES)}.")
@@ -70,10 +70,8 @@ def integrate(
             "`engine` out."
         )
     began = time.perf_counter()
-    packing = lowered.facts.packing
-    known = outline(lowered, start, float(grid[-1]), declared)
-    kind, size = engine if engine != "auto" else _chosen(lowered, start, grid, known), known.size
-    start = replace(start, beyond=past_onset(lowered, start.y, start.p, float(grid[grid > 0].min(initial=grid[-1]))))
+    packing, plan = lowered.facts.packing, _plan(lowered, start, grid, engine, declared)
+    start, kind, size = plan.start, plan.kind, plan.size
     y, used = march(lowered, start, grid, kind, _tolerance(rtol, size, packing, kind), rtol)
     if not fits(size, y, packing):
         size = peaks(np.vstack([start.y, y]), packing)
@@ -88,35 +86,51 @@ def integrate(
 def check_times(times: npt.ArrayLike) -> Array:
     """The times as an increasing array from zero on."""
     grid = np.atleast_1d(np.asarray(times, dtype=float))
+    if grid.ndim == 1 and grid.size and grid[0] >= 0 and grid[-1] < np.inf and (grid[1:] > grid[:-1]).all():
+        return grid
     if grid.ndim != 1 or grid.size == 0 or not np.all(np.isfinite(grid)):
         raise ModelError("times must be a non-empty sequence of finite numbers.")
     if np.any(np.diff(grid) <= 0):
         row = int(np.argmax(np.diff(grid) <= 0))
         raise ModelError(f"times must increase, but {grid[row + 1]:g} follows {grid[row]:g}.")
-    if grid[0] < 0:
-        raise ModelError(f"times begin at {grid[0]:g}; the run begins at 0.")
-    return grid
+    raise ModelError(f"times begin at {grid[0]:g}; the run begins at 0.")
 
 
-_known_choices: WeakKeyDictionary[MomentFunctions, dict[tuple[object, ...], str]] = WeakKeyDictionary()
+@dataclass(frozen=True)
+class _Plan:
+    """What is settled before a run is integrated."""
+
+    start: Start
+    kind: str  # of engine
+    size: Array  # of every moment
 
 
-def _chosen(lowered: MomentFunctions, start: Start, grid: Array, known: Outline) -> str:
-    """The engine of a run, remembered for the next of the same."""
-    kept = _known_choices.setdefault(lowered, {})
-    key = (lowered.jit, start.p.tobytes(), start.y.tobytes(), start.breakpoints, float(grid[-1]))
-    if key not in kept:
-        if len(kept) > 256:
-            kept.clear()
-        kept[key] = choose(lowered, start, grid, known.along)
-    return kept[key]
+_plans: Memory[_Plan] = Memory()
+
+
+def _plan(
+    lowered: MomentFunctions, start: Start, grid: Array, engine: str, declared: Callable[[], Start] | None
+) -> _Plan:
+    """The plan of a run, remembered for the next of the same."""
+    end = float(grid[-1])
+    first = float(grid[0]) if grid[0] > 0 or len(grid) == 1 else float(grid[1])
+
+    def make() -> _Plan:
+        known = outline(lowered, start, end, declared)
+        kind = engine if engine != "auto" else choose(lowered, start, grid, known.along)
+        return _Plan(replace(start, beyond=past_onset(lowered, start.y, start.p, first)), kind, known.size)
+
+    begun = start.p.tobytes(), start.y.tobytes(), start.breakpoints
+    return _plans(lowered, (lowered.jit, *begun, first, end, engine, declared is None), make)
 
 
 def _tolerance(rtol: float, size: Array, packing: Packing, kind: str) -> Tolerance:
     """What a step may err by: errors add up, the more steps the more, and small values matter the more."""
     tight = min(1.0, max(rtol, 1e-13) / 1e-6)
-    weighed = size.copy()
-    weighed[len(size) - packing.ground :] *= BETWEEN
+    weighed = size
+    if packing.ground:
+        weighed = size.copy()
+        weighed[len(size) - packing.ground :] *= BETWEEN
     if kind == "native":  # the errors of its order hardly add up
         return Tolerance(max(rtol, 1e-13), tight**0.5 * ABSOLUTE, weighed)
     return Tolerance(max(tight**0.75 * rtol, 2e-14), tight**0.5 * ABSOLUTE, weighed)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
 
 from cadet_sym.delay import STANDING, choose_grid, grid_error
 from cadet_sym.lowering.functions import MomentFunctions
+from cadet_sym.memory import Memory
 
 __all__ = ["present_error", "suitable_grid"]
 
@@ -49,17 +49,12 @@ class _Travel:
     rests: bool
 
 
-_known: WeakKeyDictionary[MomentFunctions, dict[tuple[float, bytes], _Travel]] = WeakKeyDictionary()
+_known: Memory[_Travel] = Memory()
 
 
 def _travel(lowered: MomentFunctions, p: Array, duration: float) -> _Travel:
     """The travel of a run, remembered for the next of the same."""
-    kept, key = _known.setdefault(lowered, {}), (duration, p.tobytes())
-    if key not in kept:
-        if len(kept) > 256:
-            kept.clear()
-        kept[key] = _look_along(lowered, p, duration)
-    return kept[key]
+    return _known(lowered, (duration, p.tobytes()), lambda: _look_along(lowered, p, duration))
 
 
 def _look_along(lowered: MomentFunctions, p: Array, duration: float) -> _Travel:

@@ -1,0 +1,37 @@
+"""Remember what was found, for each model as long as it lives, and no more than so much of it.
+
+Any number of threads may ask at once: what two of them find for one key at the same time is the same, and either is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from typing import Any, Generic, TypeVar
+from weakref import WeakKeyDictionary
+
+__all__ = ["Memory"]
+
+T = TypeVar("T")
+
+
+class Memory(Generic[T]):
+    """What was found for an owner and a key; of so many keys of one owner that all are forgotten, only the last."""
+
+    def __init__(self, most: int = 256) -> None:
+        self._most = most
+        self._kept: WeakKeyDictionary[Any, dict[Hashable, T]] = WeakKeyDictionary()
+
+    def __call__(self, owner: Any, key: Hashable, find: Callable[[], T]) -> T:
+        """What is known for the key, or else is found now."""
+        kept = self._kept.get(owner)
+        if kept is None:
+            kept = self._kept.setdefault(owner, {})
+        try:
+            return kept[key]
+        except KeyError:
+            pass
+        found = find()
+        if len(kept) >= self._most:
+            kept.clear()
+        kept[key] = found
+        return found
