@@ -134,6 +134,24 @@ def test_what_does_not_vary_is_not_compared():
     assert verdict.to_dict()["discrepancy"] is None
 
 
+@pytest.mark.parametrize("ours", [0.0, -1e-33, 2e-33])
+def test_round_off_of_an_output_that_stands_still_is_not_compared(ours):
+    """A sum of springs cancels at the start but for its last bits."""
+    still, small = history(4.0), np.array([ours, 4.0, 4.0])
+    with_round_off = np.array([3e-33, 4.0, 4.0])[:, None]
+    nearly = replace(still, state_covariance=small[:, None, None])
+
+    class RoundedOff(Simulated):
+        variance = property(lambda self: Labelled(self.states, with_round_off, self.outputs, 4 * with_round_off))
+
+    comparison = compare(nearly, RoundedOff())
+    assert math.isnan(comparison.at("x", 0).discrepancy)
+    assert comparison.worst("x") is not None
+    assert comparison.worst("x")[2] > 0.0
+    unlike = replace(still, state_covariance=np.array([1.0, 4.0, 4.0])[:, None, None])
+    assert compare(unlike, RoundedOff()).at("x", 0).discrepancy > 1e30
+
+
 def test_only_the_same_names_and_times_are_compared():
     other = ensemble()
     with pytest.raises(ModelError, match=r"states x and outputs y, the simulation states x and outputs z"):

@@ -108,12 +108,13 @@ class Comparison:
         }
 
     def discrepancy(self, name: str) -> tuple[np.ndarray, np.ndarray]:
-        """Over the run: 100 (P - S)/S of a variance and its limits, (k,) each; NaN where S is zero."""
+        """Over the run: 100 (P - S)/S of a variance and its limits, (k,) each; NaN where S is zero, or round-off and P too."""
         P, S = np.asarray(self.history.variance[name]), np.asarray(self.simulation.variance[name])
         limit = np.asarray(self.simulation.limit("variance")[name])
+        nothing = ROUND_OFF * (S.max() + np.square(np.asarray(self.simulation.mean[name])).max())
+        there = (S > 0.0) & (np.maximum(S, P) > nothing)
         with np.errstate(divide="ignore", invalid="ignore"):
             # (P - S)/S = P/S - 1: the error of S counts P/S times.
-            there = S > 0.0
             return np.where(there, 100.0 * (P - S) / S, np.nan), np.where(there, 100.0 * limit / S * (P / S), np.nan)
 
     def worst(self, name: str) -> tuple[float, float, float] | None:
@@ -148,13 +149,14 @@ class Comparison:
         limit = {moment: float(self.simulation.limit(moment)[name][at]) for moment in ("mean", "variance")}
         mean = float(self.history.mean[name][at])
         true = simulated["variance"]
-        varies = true > 0.0
+        discrepancy, of_discrepancy = (float(each[at]) for each in self.discrepancy(name))
+        varies = not math.isnan(discrepancy)
         percent = 100.0 / true if varies else math.nan
         percent_of_std = 100.0 / math.sqrt(true) if varies else math.nan
         return Verdict(
             name,
-            discrepancy=float(self.discrepancy(name)[0][at]),
-            limit=float(self.discrepancy(name)[1][at]),
+            discrepancy=discrepancy,
+            limit=of_discrepancy,
             mean_discrepancy=percent_of_std * (mean - simulated["mean"]),
             mean_limit=percent_of_std * limit["mean"],
             step_error=percent * simulated["variance_step_error"],
@@ -212,6 +214,7 @@ class Comparison:
         return "\n".join(verdict.text for verdict in self.verdict.values())
 
 
+ROUND_OFF = 1e-24  # of an output's largest square: the variance left by its terms where they cancel, 0 at any path
 SURE = 1.5  # limits: the largest of many discrepancies is beyond one of them by chance
 SIMULATED = ("mean", "variance", "mean_standard_error", "variance_standard_error")
 
