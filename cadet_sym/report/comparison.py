@@ -216,6 +216,7 @@ class Comparison:
 
 ROUND_OFF = 1e-24  # of an output's largest square: the variance left by its terms where they cancel, 0 at any path
 SURE = 1.5  # limits: the largest of many discrepancies is beyond one of them by chance
+SHORTEST, LONGEST = -4, 8  # powers of ten that are written out
 SIMULATED = ("mean", "variance", "mean_standard_error", "variance_standard_error")
 
 
@@ -283,4 +284,8 @@ def rounded(value: float, limit: float) -> tuple[str, str]:
         return f"{value:.6g}", f"{limit:.2g}"
     first = math.floor(math.log10(limit))
     places = -first + (1 if limit / 10.0**first < 1.95 else 0)
+    power = math.floor(math.log10(max(abs(value), limit)))
+    if not SHORTEST <= power <= LONGEST:
+        places = max(places + power, 0)
+        return f"{value / 10.0**power:.{places}f}e{power:+03d}", f"{limit / 10.0**power:.{places}f}e{power:+03d}"
     return f"{value:.{max(places, 0)}f}", f"{limit:.{max(places, 0)}f}"
