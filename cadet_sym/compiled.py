@@ -19,7 +19,7 @@ from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.packing import Packing
 from cadet_sym.results import MomentHistory, PeriodicMoments, Provenance, StationaryMoments, StationarySolutions
 from cadet_sym.solve.breakpoints import find_breakpoints
-from cadet_sym.solve.evaluate import over_time
+from cadet_sym.solve.evaluate import outputs_over
 from cadet_sym.solve.start import profile_mean
 from cadet_sym.solve.transient import Start, Trajectory, check_times, integrate
 from cadet_sym.solve.wheels import present_error
@@ -506,11 +506,7 @@ class CompiledModel:
 
     def _history(self, trajectory: Trajectory, p: Array, more: Mapping[str, float]) -> MomentHistory:
         mean, covariance = self.packing.unpack(trajectory.y)
-        k = len(trajectory.time)
-        if self.outputs:
-            output_mean, output_variance = over_time(self.functions.outputs, trajectory.time, trajectory.y, p)
-        else:
-            output_mean = output_variance = np.zeros((k, 0))
+        output_mean, output_variance = outputs_over(self.functions, trajectory.time, trajectory.y, p)
         return MomentHistory(
             model=self.declaration.name,
             states=self.states,

@@ -16,7 +16,7 @@ import casadi as ca
 from cadet_sym.cache import Shelf
 from cadet_sym.lowering.carried import WIDEST, carried_code, head
 from cadet_sym.lowering.facts import Facts
-from cadet_sym.lowering.llvm import intermediate
+from cadet_sym.lowering.llvm import intermediate, repeated
 from cadet_sym.lowering.machine import MachineCode, available, machine_code
 from cadet_sym.lowering.structured import structured_rate
 
@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from cadet_sym.moments import MomentEquations
 
 __all__ = ["MomentFunctions"]
+
+PAYS = 2500
+"""Evaluations in CasADi's virtual machine that take as long as it takes to make machine code."""
 
 SMALL = 2000
 """Operations of a function up to which thorough machine code takes a tenth of a second ..."""
@@ -65,6 +68,7 @@ class MomentFunctions:
         self.facts, self._make, self._shelf = facts, make, shelf
         self.jit = False  # whether machine code is worth seconds
         self._machine: dict[str, MachineCode | None] = {}
+        self._outputs_asked_for = 0
 
     @cached_property
     def symbolic(self) -> LoweredSystem:
@@ -111,18 +115,27 @@ class MomentFunctions:
             self._machine[name] = self._compiled(name)
         return self._machine[name]
 
+    def machine_outputs(self, times: int) -> MachineCode | None:
+        """`outputs_over` so many times as machine code, once that pays; its numbers are those of `outputs`."""
+        self._outputs_asked_for += times
+        return self.machine("outputs") if self._outputs_asked_for > PAYS else None
+
     def _compiled(self, name: str) -> MachineCode | None:
         if not available() or (name == "rate" and self.calls):
             return None
         if name == "rate" and self.large:
             return structured_rate(self.ingredients, self._shelf)
-        loops = self.facts.delay is not None and self.facts.delay.rows <= WIDEST
+        over = name == "outputs"
+        loops = not over and self.facts.delay is not None and self.facts.delay.rows <= WIDEST
         function = getattr(self, f"{name}_head" if loops else name)
         if (count := function.n_instructions()) > (LARGEST if self.jit else LARGE) or function.find_functions():
             return None
         thorough = self.jit or count <= SMALL
         with contextlib.suppress(ValueError):  # an operation that only CasADi knows
-            text = carried_code(self, function, name) if loops else intermediate(function, name)
+            if over:
+                text, name = repeated(function, name), f"{name}_over"
+            else:
+                text = carried_code(self, function, name) if loops else intermediate(function, name)
             return machine_code(text, name, shelf=self._shelf, effort=int(thorough))
         return None
 

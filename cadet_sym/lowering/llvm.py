@@ -13,7 +13,7 @@ import casadi as ca
 
 from cadet_sym.lowering.operations import Blocks, Entry, Operation, cut, operations
 
-__all__ = ["BLOCK", "intermediate", "literal"]
+__all__ = ["BLOCK", "intermediate", "literal", "repeated"]
 
 BLOCK = 1000
 """Operations of one block; the time to compile it grows faster than its length."""
@@ -86,6 +86,40 @@ def intermediate(function: ca.Function, name: str) -> str:
         texts += [f"  call void @{name}_{k}({head}, ptr %w)" for k in range(blocks)]
         texts += ["  ret void", "}"]
     return "\n".join(texts) + "\n"
+
+
+def repeated(function: ca.Function, name: str) -> str:
+    """The function under a name, and as NAME_over(count, ...) at so many places: all but its last argument go on with them.
+
+    Raises
+    ------
+    ValueError
+        See `intermediate`.
+    """
+    inputs, outputs = range(function.n_in()), range(function.n_out())
+    sizes = [function.nnz_in(k) for k in inputs[:-1]] + [0] + [function.nnz_out(k) for k in outputs]
+    pointers = [f"%i{k}" for k in inputs] + [f"%o{k}" for k in outputs]
+    here = []
+    for k, (pointer, size) in enumerate(zip(pointers, sizes, strict=True)):
+        here += [f"  %f{k} = mul i64 %k, {size}", f"  %p{k} = getelementptr double, ptr {pointer}, i64 %f{k}"]
+    lines = [
+        f"define void @{name}_over(i64 %count, {', '.join(f'ptr {each}' for each in pointers)}) nounwind {{",
+        "start:",
+        "  br label %test",
+        "test:",
+        "  %k = phi i64 [0, %start], [%next, %body]",
+        "  %more = icmp slt i64 %k, %count",
+        "  br i1 %more, label %body, label %end",
+        "body:",
+        *here,
+        f"  call void @{name}({', '.join(f'ptr %p{k}' for k in range(len(pointers)))})",
+        "  %next = add i64 %k, 1",
+        "  br label %test",
+        "end:",
+        "  ret void",
+        "}",
+    ]
+    return intermediate(function, name) + "\n".join(lines) + "\n"
 
 
 def _declarations(steps: Sequence[Operation]) -> list[str]:

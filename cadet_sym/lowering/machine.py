@@ -16,7 +16,7 @@ from typing import Any
 
 from cadet_sym.cache import Shelf
 
-__all__ = ["MachineCode", "available", "machine_code"]
+__all__ = ["MachineCode", "address", "available", "machine_code"]
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,14 @@ class MachineCode:
         function = ctypes.CFUNCTYPE(returns, *types)(self.addresses[name])
         function.code = self  # type: ignore[attr-defined]
         return function
+
+
+def address(memory: Any) -> int:
+    """Where an array's numbers are; five times as fast as NumPy says it, which counts in short runs."""
+    try:
+        return ctypes.addressof(ctypes.c_char.from_buffer(memory))
+    except (TypeError, ValueError):  # read-only, or empty
+        return memory.ctypes.data
 
 
 @cache

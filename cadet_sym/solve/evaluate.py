@@ -13,8 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from cadet_sym.lowering.functions import MomentFunctions
+from cadet_sym.lowering.machine import address
+from cadet_sym.memory import Memory
 
-__all__ = ["Gains", "Rate", "behind", "gains", "give", "over_time", "take"]
+__all__ = ["Gains", "Rate", "behind", "gains", "give", "outputs_over", "take"]
 
 Array = npt.NDArray[np.float64]
 
@@ -130,20 +132,27 @@ def gains(lowered: MomentFunctions, t: float, y: Array, p: Array) -> Array:
     return Gains(lowered, p)(t, y)
 
 
-def over_time(function: ca.Function, time: Array, y: Array, p: Array) -> list[Array]:
-    """A function of (t, y, p) at all times: each of its vector results as (k, size)."""
-    k = len(time)
-    if k == 0:
-        return [np.empty((0, function.size1_out(i))) for i in range(function.n_out())]
-    results = [np.empty((k, function.size1_out(i))) for i in range(function.n_out())]
+def outputs_over(lowered: MomentFunctions, time: Array, y: Array, p: Array) -> tuple[Array, Array]:
+    """Means and variances (k, m) of the outputs at all times (k,), from the packed moments (k, size) there."""
+    shape = len(time), len(lowered.facts.outputs)
+    mean, variance = results = np.empty(shape), np.empty(shape)
+    if not mean.size:
+        return results
     inputs = [np.ascontiguousarray(part, dtype=float) for part in (time, y, p)]
-    buffer, evaluate = _mapped(function, k).buffer()
+    if (code := lowered.machine_outputs(len(time))) is not None:
+        run = _runs(lowered, "outputs", lambda: code.function("outputs_over", ctypes.c_int64, *[ctypes.c_void_p] * 5))
+        run(len(time), *map(address, (*inputs, mean, variance)))
+        return results
+    buffer, evaluate = _mapped(lowered.outputs, len(time)).buffer()
     for i, part in enumerate(inputs):
         give(buffer, i, part)
     for i, result in enumerate(results):
         take(buffer, i, result)
     evaluate()
     return results
+
+
+_runs: Memory[Callable[..., None]] = Memory()
 
 
 @lru_cache(maxsize=64)

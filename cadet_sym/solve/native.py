@@ -9,14 +9,14 @@ import ctypes
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
 
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.lowering.kernel import kernel
-from cadet_sym.lowering.machine import MachineCode, available
+from cadet_sym.lowering.machine import MachineCode, address, available
+from cadet_sym.memory import Memory
 from cadet_sym.solve.breakdown import Breakdown
 from cadet_sym.solve.runge_kutta import PROCEDURES, REPORT, STALLED, WORK
 from cadet_sym.solve.scales import Tolerance
@@ -49,9 +49,9 @@ class Native:
         values, work, size = np.empty((len(grid), n)), np.empty(WORK * n + 1), self.tolerance.size[free]
         times, given = np.ascontiguousarray(grid, dtype=float), np.concatenate([self.p, y[held]])
         status = _march()(
-            rate.addresses[which], begin, times.ctypes.data, len(times), x.ctypes.data, n, given.ctypes.data,
-            size.ctypes.data, self.tolerance.relative, self.tolerance.absolute, np.nextafter(times[-1], begin),
-            self.tolerance.steps, work.ctypes.data, values.ctypes.data, report.ctypes.data,
+            rate.addresses[which], begin, address(times), len(times), address(x), n, address(given),
+            address(size), self.tolerance.relative, self.tolerance.absolute, np.nextafter(times[-1], begin),
+            self.tolerance.steps, address(work), address(values), address(report),
         )  # fmt: skip
         self.steps += int(report[1])
         found = values if not len(held) else np.repeat(y[None], len(grid), axis=0)
@@ -92,26 +92,24 @@ def _march() -> Any:
     return kernel(*PROCEDURES).function("march", *types, vector, vector, vector, returns=integer)
 
 
-_places: WeakKeyDictionary[MomentFunctions, tuple[Places, Places]] = WeakKeyDictionary()
-_resting: WeakKeyDictionary[MomentFunctions, dict[bytes, bool]] = WeakKeyDictionary()
+_places: Memory[tuple[Places, Places]] = Memory()
+_resting: Memory[bool] = Memory()
 
 
 def _parts(lowered: MomentFunctions, p: Array, y: Array) -> tuple[Places, Places]:
     """The packed moments that have to be integrated from y on, and those that stay."""
-    if lowered not in _places:
-        every = np.arange(len(y))
-        # of a large model, the few that stay do not pay for a rate of its own
-        free = every if lowered.large else np.array(lowered.free_entries()["free"], dtype=np.intp).ravel()
-        _places[lowered] = free, np.setdiff1d(every, free)
-    free, held = _places[lowered]
+    free, held = _places(lowered, "", lambda: _free_and_held(lowered, len(y)))
     if not len(held):
         return free, held
-    kept, key = _resting.setdefault(lowered, {}), p.tobytes() + y[held].tobytes()
-    if key not in kept:
-        if len(kept) > 256:
-            kept.clear()
-        kept[key] = _rest(lowered, p, y, held)
-    return (free, held) if kept[key] else (np.arange(len(y)), held[:0])
+    rests = _resting(lowered, p.tobytes() + y[held].tobytes(), lambda: _rest(lowered, p, y, held))
+    return (free, held) if rests else (np.arange(len(y)), held[:0])
+
+
+def _free_and_held(lowered: MomentFunctions, size: int) -> tuple[Places, Places]:
+    every = np.arange(size)
+    # of a large model, the few that stay do not pay for a rate of its own
+    free = every if lowered.large else np.array(lowered.free_entries()["free"], dtype=np.intp).ravel()
+    return free, np.setdiff1d(every, free)
 
 
 def _rest(lowered: MomentFunctions, p: Array, y: Array, held: Places) -> bool:

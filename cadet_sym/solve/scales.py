@@ -17,6 +17,12 @@ Array = npt.NDArray[np.float64]
 NOTHING = 1e-70
 """Less than this is zero: its square underflows."""
 
+FEW_TIMES = 100.0
+"""By how much a mean or variance may exceed the size it was given ..."""
+
+MANY_TIMES = 1e4
+"""... and that size a variance."""
+
 
 @dataclass(frozen=True)
 class Tolerance:
@@ -55,12 +61,13 @@ def _of_ground(y: Array, packing: Packing) -> Array:
 
 
 def fits(size: Array, y: Array, packing: Packing) -> bool:
-    """Whether sizes found beforehand suit what a run (k, size) reaches: no mean or variance a hundred times as large.
+    """Whether sizes found beforehand suit what a run (k, size) reaches: no mean or variance far larger.
 
     A size that is too large is harmless until it is far too large: errors are held to a share of it.
     """
     n, diagonal = packing.n, packing.diagonal
     means, variances = (np.maximum.reduce(np.abs(part)) for part in (y[:, :n], y.take(diagonal, axis=1)))
     sizes = size[diagonal]
-    near = (means <= 100 * size[:n]) & (variances <= 100 * sizes) & ((sizes <= 1e4 * variances) | (variances == 0))
+    near = (means <= FEW_TIMES * size[:n]) & (variances <= FEW_TIMES * sizes)
+    near &= (sizes <= MANY_TIMES * variances) | (variances == 0)
     return bool(near.all())

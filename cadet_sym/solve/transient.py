@@ -23,6 +23,7 @@ from cadet_sym.solve.definite import lost, warn_of_loss
 from cadet_sym.solve.onset import past_onset
 from cadet_sym.solve.rough import ABSOLUTE, outline
 from cadet_sym.solve.scales import Tolerance, fits, peaks
+from cadet_sym.solve.sound import is_sound
 from cadet_sym.solve.stiff import MANY_STATES
 
 __all__ = ["ENGINES", "Start", "Trajectory", "check_times", "integrate"]
@@ -73,10 +74,11 @@ def integrate(
     packing, plan = lowered.facts.packing, _plan(lowered, start, grid, engine, declared)
     start, kind, size = plan.start, plan.kind, plan.size
     y, used = march(lowered, start, grid, kind, _tolerance(rtol, size, packing, kind), rtol)
-    if not fits(size, y, packing):
+    sound = is_sound(y, packing, size)
+    if not sound and not fits(size, y, packing):
         size = peaks(np.vstack([start.y, y]), packing)
         y, used = march(lowered, start, grid, kind, _tolerance(rtol, size, packing, kind), rtol)
-    if lost(y, packing).any():
+    if not sound and lost(y, packing).any():
         y, used = march(lowered, start, grid, kind, _tolerance(rtol * 1e-3, size, packing, kind), rtol)
         warn_of_loss(grid, y, packing, lowered.facts.states)
     statistics = {"steps": float(used.steps), "stretches": len(edges(start, grid)) - 1.0}
