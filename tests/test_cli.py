@@ -74,7 +74,7 @@ def test_show_holds_elements_against_adaptive_integration(run, run_json):
     assert max(element["check"].values()) < 1e-9
     status, text, _ = run("show", OLEO, "--check")
     assert status == 0
-    assert "25 cases against adaptive integration: largest error" in text
+    assert "25 cases against adaptive integration good to " in text
 
 
 def test_show_of_every_model(model_file, run, run_json):

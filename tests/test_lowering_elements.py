@@ -138,7 +138,7 @@ def test_an_element_is_checked_against_adaptive_integration_and_the_result_is_pr
     assert result.error < 1e-9
     assert result.gain_error < 1e-9
     assert result.method == "closed form"
-    assert str(result).startswith("stop: closed form\n    25 cases against adaptive integration: largest error ")
+    assert str(result).startswith("stop: closed form\n    25 cases against adaptive integration good to ")
 
 
 def test_the_check_finds_what_is_wrong():

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import sympy as sp
 
 from cadet_sym.errors import ModelError
+from cadet_sym.expectation.adaptive import integrate
 from cadet_sym.expectation.describing import DescribingFunction, describing_function
-from cadet_sym.expectation.quadrature import legendre
 from cadet_sym.language.element import Element
 from cadet_sym.language.numeric import evaluate
 from cadet_sym.language.vocabulary import ElementCall
@@ -20,22 +19,22 @@ from cadet_sym.lowering.elements import element_function
 
 SPREADS = (0.0, 1e-3, 0.1, 1.0, 10.0)  # standard deviations, times the scale
 PLACES = (-3.0, -0.7, 0.0, 1.0, 4.0)  # of the mean about a kink, in standard deviations
-SEVERAL_SPREADS = (0.3, 1.0)
-CORRELATIONS = (-0.95, 0.0, 0.5)
-REACH = 9.0
-GRADED = (0.0, *(10.0**-k for k in range(1, 9)))  # about the middle of a function, in standard deviations
-TOLERANCE = {1: 1e-11, 2: 1e-10, 3: 1e-8}  # asked of the adaptive integration
-INSIDE_ORDER = {1: 20, 2: 20, 3: 12}  # nodes a panel of the integrals inside the adaptive one
-PANELS = (-REACH, -6.0, -3.0, 0.0, 3.0, 6.0, REACH)
+SEVERAL = {  # the same with a correlation between neighbours
+    2: ((0.0, 0.0), *((s, rho) for s in (0.1, 1.0, 10.0) for rho in (-0.95, 0.0, 0.5)), (1.0, 0.999)),
+    3: ((0.0, 0.0), (0.3, -0.95), (0.3, 0.5), (1.0, 0.0), (1.0, 0.8)),
+}
+TOLERANCE = {1: 1e-12, 2: 1e-10, 3: 1e-7}  # asked of the adaptive integration, relative to E|f|
+BUDGET = {1: 4_000_000, 2: 30_000_000, 3: 60_000_000}  # evaluations of f for all cases together
+SURE = 1e-8  # error of the integration itself from which on a case is told apart
 BESIDE = 1e-12
-BESIDE_KINKS = (-0.2, -0.01, 0.0, 0.01, 0.2)  # also split there, for powers that are no integers
 
 
 @dataclass(frozen=True)
 class ElementCheck:
     """What a check found, and where the worst was.
 
-    Errors are relative to E|f|, of gains to E|f| over the standard deviation, without variance to |f| around the mean.
+    Errors are relative to E|f|, of gains to E|f| over the standard deviation, without variance to |f| around the mean. Where
+    the integration itself is good to less than `SURE`, they are what exceeds its own error.
     """
 
     name: str
@@ -49,19 +48,29 @@ class ElementCheck:
     covariance: tuple[tuple[float, ...], ...]
     found: float  # E[f] or the gain there
     integrated: float
+    sure: float  # estimated error of the integration itself, the largest
+    unsettled: int  # cases in which that is more than `SURE`
 
     def __str__(self) -> str:
         nodes = f", {self.nodes} nodes, {self.estimated:.0e} estimated" if self.nodes else ""
         return "\n    ".join([f"{self.name}: {self.method}{nodes}", *self.findings()])
 
-    def findings(self) -> tuple[str, str]:
-        """The largest errors and the worst place, in a line each."""
-        return (
-            f"{self.cases} cases against adaptive integration: largest error {self.error:.1e} in E[f], "
-            f"{self.gain_error:.1e} in the gain",
-            f"worst at mean {_listed(self.mean)}, covariance {_listed(self.covariance)}: "
-            f"{self.found:.12g}, integrated {self.integrated:.12g}",
+    def findings(self) -> Iterator[str]:
+        """The largest errors and the worst place, in a line each; and how far the integration itself can be trusted."""
+        good = "" if self.unsettled else f" good to {self.sure:.0e}"
+        yield (
+            f"{self.cases} cases against adaptive integration{good}: largest error {self.error:.1e} in E[f], "
+            f"{self.gain_error:.1e} in the gain"
         )
+        yield (
+            f"worst at mean {_listed(self.mean)}, covariance {_listed(self.covariance)}: "
+            f"{self.found:.12g}, integrated {self.integrated:.12g}"
+        )
+        if self.unsettled:
+            yield (
+                f"in {self.unsettled} of {self.cases} cases the integration itself did not converge in the evaluations that it "
+                f"has and is good to {self.sure:.0e} only: smaller errors are not seen there"
+            )
 
 
 def check(
@@ -93,24 +102,32 @@ def check(
     df = element if isinstance(element, DescribingFunction) else _describe(element, values or {})
     numbers = _numbers(df, values or {})
     function = element_function(df, tuple(numbers))
-    rows = []
-    for mean, covariance in _grid(df, numbers, scale):
+    rows, sure, budget = [], [], BUDGET[len(df.arguments)]
+    grid = list(_grid(df, numbers, scale))
+    for k, (mean, covariance) in enumerate(grid):
         F, gain = (np.array(x).ravel() for x in function(mean, covariance[np.tril_indices(len(mean))], list(numbers.values())))
-        rows += [(*row, mean, covariance) for row in _compared(df, numbers, mean, covariance, F, gain, scale)]
-    worst = max(rows, key=lambda row: row[0])
-    _, _, found, integrated, mean, covariance = worst
+        if not covariance.any():
+            rows.append((*_without_variance(df, numbers, mean, F[0], scale), mean, covariance))
+            continue
+        truth = _Truth.of(df, numbers, mean, covariance, budget // (len(grid) - k))
+        budget -= truth.evaluations
+        sure.append(truth.own)
+        rows += [(*row, mean, covariance) for row in truth.compared(F, gain)]
+    _, _, found, integrated, mean, covariance = max(rows, key=lambda row: row[0])
     return ElementCheck(
         name=df.name or str(df.body),
         method=df.method,
         nodes=df.nodes,
         estimated=df.error,
-        cases=len({(tuple(row[4]), row[5].tobytes()) for row in rows}),
+        cases=len(grid),
         error=max(row[0] for row in rows if not row[1]),
         gain_error=max((row[0] for row in rows if row[1]), default=0.0),
         mean=tuple(float(m) for m in mean),
         covariance=tuple(tuple(float(c) for c in line) for line in covariance),
         found=float(found),
         integrated=float(integrated),
+        sure=max(sure),
+        unsettled=sum(own > SURE for own in sure),
     )
 
 
@@ -147,17 +164,6 @@ def _kinks(df: DescribingFunction, numbers: Mapping[sp.Symbol, float], argument:
     return sorted(k for k in found if np.isfinite(k))
 
 
-def _centres(df: DescribingFunction, numbers: Mapping[sp.Symbol, float]) -> list[float]:
-    """Where functions of the first argument alone, however steep, have their middle: zeros of what stands in them."""
-    z, found = df.arguments[0], set()
-    for node in df.body.atoms(sp.Function, sp.Pow):
-        for inner in node.args:
-            if isinstance(inner, sp.Expr) and inner.has(z) and not inner.has(*df.arguments[1:]) and inner.is_polynomial(z):
-                polynomial = sp.Poly(inner.xreplace({s: sp.Float(v) for s, v in numbers.items()}), z)
-                found |= {float(root.real) for root in np.roots([float(c) for c in polynomial.all_coeffs()])}
-    return sorted(found)[:4]
-
-
 def _grid(df: DescribingFunction, numbers: Mapping[sp.Symbol, float], scale: float) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     count = len(df.arguments)
     points = [(_kinks(df, numbers, a) or [0.0])[:6] for a in range(count)]
@@ -168,91 +174,63 @@ def _grid(df: DescribingFunction, numbers: Mapping[sp.Symbol, float], scale: flo
                     s = spread * scale
                     yield np.array([point + place * (s or scale)]), np.array([[s * s]])
         return
-    for spread in SEVERAL_SPREADS:
-        for rho in CORRELATIONS:
-            s = spread * scale * (1 + 0.4 * np.arange(count))
-            correlation = rho ** np.abs(np.subtract.outer(np.arange(count), np.arange(count)))
-            mean = np.array([p[0] for p in points]) + s * np.linspace(0.5, -0.8, count)
-            yield mean, correlation * np.outer(s, s)
+    for spread, rho in SEVERAL[count]:
+        s = spread * scale * (1 + 0.4 * np.arange(count))
+        correlation = rho ** np.abs(np.subtract.outer(np.arange(count), np.arange(count)))
+        mean = np.array([p[0] for p in points]) + (s if spread else scale) * np.linspace(0.5, -0.8, count)
+        yield mean, correlation * np.outer(s, s)
 
 
-def _compared(
-    df: DescribingFunction,
-    numbers: Mapping[sp.Symbol, float],
-    mean: np.ndarray,
-    covariance: np.ndarray,
-    F: np.ndarray,
-    gain: np.ndarray,
-    scale: float,
-) -> Iterator[tuple[float, bool, float, float]]:
-    """(error, whether it is of a gain, found, integrated) of E[f] and every gain."""
-    if not covariance.any():
-        beside = BESIDE * (1 + np.abs(mean))  # at a jump, the mean of its two sides
-        plain = float(_value(df, numbers, mean - beside) + _value(df, numbers, mean + beside)) / 2
-        around = np.abs([_value(df, numbers, mean + side * scale) for side in (-1, 0, 1)])
-        yield abs(F[0] - plain) / max(around.max(), 1e-300), False, F[0], plain
-        return
-    L = np.linalg.cholesky(covariance)
-    integrals = _integrated(df, numbers, mean, L)
-    size = max(integrals[-1], 1e-300)
-    yield abs(F[0] - integrals[0]) / size, False, F[0], integrals[0]
-    # Stein: gain = S^-1 E[f (z - m)] = L^-T E[f e]
-    slopes = np.linalg.solve(L.T, integrals[1:-1])
-    unit = size / np.sqrt(np.diag(covariance))
-    for found, wanted, one in zip(gain, slopes, unit, strict=True):
-        yield abs(found - wanted) / one, True, found, wanted
+Row = tuple[float, bool, float, float]
+"""An error, whether it is of a gain, what was found, what was integrated."""
+
+
+def _without_variance(
+    df: DescribingFunction, numbers: Mapping[sp.Symbol, float], mean: np.ndarray, found: float, scale: float
+) -> Row:
+    beside = BESIDE * (1 + np.abs(mean))  # at a jump, the mean of its two sides
+    plain = float(_value(df, numbers, mean - beside) + _value(df, numbers, mean + beside)) / 2
+    around = np.abs([_value(df, numbers, mean + side * scale) for side in (-1, 0, 1)])
+    return abs(found - plain) / max(around.max(), 1e-300), False, found, plain
+
+
+@dataclass(frozen=True)
+class _Truth:
+    """E[f] and the gains by integration of f, each with the unit of its error and the error itself in that."""
+
+    values: np.ndarray
+    units: np.ndarray
+    errors: np.ndarray
+    evaluations: int
+
+    @staticmethod
+    def of(
+        df: DescribingFunction, numbers: Mapping[sp.Symbol, float], mean: np.ndarray, covariance: np.ndarray, most: int
+    ) -> _Truth:
+        """For one mean and covariance; with Stein gain = S^-1 E[f (z - m)] = L^-T E[f e]."""
+        L = np.linalg.cholesky(covariance)
+        found = integrate(df.arguments, df.body, numbers, mean, L, tolerance=TOLERANCE[len(mean)], most=most)
+        size, back = max(found.size, 1e-300), np.linalg.inv(L).T
+        units = np.array([size, *(size / np.sqrt(np.diag(covariance)))])
+        errors = found.error * np.array([1.0, *np.linalg.norm(back, axis=1)])
+        return _Truth(np.array([found.value, *(back @ found.moments)]), units, errors / units, found.evaluations)
+
+    @property
+    def own(self) -> float:
+        """The largest error of the integration itself."""
+        return float(self.errors.max())
+
+    def compared(self, F: np.ndarray, gain: np.ndarray) -> Iterator[Row]:
+        """What was found held against it."""
+        for i, (found, wanted) in enumerate(zip([*F, *gain], self.values, strict=True)):
+            error, own = abs(found - wanted) / self.units[i], self.errors[i]
+            yield (float(max(error - own, 0.0) if own > SURE else error), i > 0, float(found), float(wanted))
 
 
 def _value(df: DescribingFunction, numbers: Mapping[sp.Symbol, float], z: np.ndarray) -> np.ndarray:
     """f at points z, (..., arguments)."""
     at = dict(zip(df.arguments, np.moveaxis(z, -1, 0), strict=True))
     return np.broadcast_to(evaluate(df.body, {**numbers, **at}), z.shape[:-1])
-
-
-def _integrated(df: DescribingFunction, numbers: Mapping[sp.Symbol, float], mean: np.ndarray, L: np.ndarray) -> np.ndarray:
-    """E[f], E[f e_1], .., E|f| over independent standard normal e, z = m + L e.
-
-    Adaptive over the first, split at kinks over all.
-    """
-    from scipy.integrate import cubature
-
-    count = len(mean)
-    kinks = [np.array(_kinks(df, numbers, a)) for a in range(count)]
-
-    def inside(e: np.ndarray, weight: np.ndarray) -> np.ndarray:
-        """Sums over the arguments that are left; e (points, .., arguments so far), weight (points, ..)."""
-        a = e.shape[-1]
-        if a == count:
-            f = _value(df, numbers, mean + e @ L.T) * weight
-            integrands = [f, *(f * e[..., i] for i in range(count)), np.abs(f)]
-            return np.stack([each.reshape(len(e), -1).sum(axis=1) for each in integrands], axis=1)
-        x, w = _panels((kinks[a] - (mean[a] + e @ L[a, :a])[..., None]) / L[a, a], INSIDE_ORDER[count])
-        wider = np.broadcast_to(e[..., None, :], (*x.shape, a))
-        return inside(np.concatenate([wider, x[..., None]], axis=-1), weight[..., None] * w)
-
-    def integrand(first: np.ndarray) -> np.ndarray:
-        return inside(first, np.exp(-first[:, 0] ** 2 / 2) / np.sqrt(2 * np.pi))
-
-    middles = [(c - mean[0]) / L[0, 0] for c in _centres(df, numbers)]
-    steep = [middle + side * distance for middle in middles for side in (-1, 1) for distance in GRADED]
-    breaks = sorted({k for k in (*(kinks[0] - mean[0]) / L[0, 0], *steep) if abs(k) < REACH} | set(PANELS))
-    parts = [
-        cubature(integrand, [low], [high], rule="gk21", atol=1e-15, rtol=TOLERANCE[count], max_subdivisions=400).estimate
-        for low, high in pairwise(breaks)
-    ]
-    return np.sum(parts, axis=0)
-
-
-def _panels(kinks: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray]:
-    """Gauss-Legendre nodes and weights times the normal density, on panels split at kinks; (..., kinks) -> (..., nodes)."""
-    fixed = np.broadcast_to(np.array(PANELS), (*kinks.shape[:-1], len(PANELS)))
-    about = (kinks[..., None] + np.array(BESIDE_KINKS)).reshape(*kinks.shape[:-1], -1)
-    edges = np.sort(np.concatenate([fixed, np.clip(about, -REACH, REACH)], axis=-1), axis=-1)
-    nodes, weights = legendre(order)
-    lengths = np.diff(edges, axis=-1)[..., None]
-    x = (edges[..., :-1, None] + lengths * nodes).reshape(*edges.shape[:-1], -1)
-    w = (lengths * weights).reshape(x.shape)
-    return x, w * np.exp(-x * x / 2) / np.sqrt(2 * np.pi)
 
 
 def _listed(numbers: Any) -> str:

@@ -75,7 +75,7 @@ class Listing:
     def _element(self, element: Nonlinearity, checked: ElementCheck | None) -> dict[str, Any]:
         describing = element.describing
         expectation, gains = written_out(describing)
-        found = {} if checked is None else {"check": {"error": checked.error, "gain_error": checked.gain_error}}
+        found = {} if checked is None else {"check": {name: getattr(checked, name) for name in ("error", "gain_error", "sure")}}
         return {
             "name": element.name,
             "function": _text(describing.body),
