@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import dataclasses
+import math
 from math import sqrt
 
 import numpy as np
@@ -12,13 +13,15 @@ import sympy as sp
 from conftest import ROOT
 
 import cadet_sym as cs
+from cadet_sym.delay import transport_matrix
 from cadet_sym.lowering.kernel import Vector, kernel, kernel_text, part
 from cadet_sym.packing import Packing
 from cadet_sym.solve import backward, runge_kutta
 from cadet_sym.solve.implicit import Inverse, PackedIndex, scaled_form
-from cadet_sym.solve.native import Native, _march, _parts
+from cadet_sym.solve.native import FEW, MANY, Native, _march, _parts
 from cadet_sym.solve.scales import Tolerance
 from cadet_sym.solve.stiff import Stiff, modal_arrays
+from cadet_sym.solve.tableaux import DORMAND_PRINCE, RANOCHA_3, RANOCHA_5, Pair
 
 TABLE = (0.5, 2.0, -1.0)
 SCALE = 3.0
@@ -85,28 +88,95 @@ def test_what_is_not_understood_is_refused(procedure):
         kernel_text(procedure)
 
 
-def test_steps_as_machine_code_are_those_of_python(shipped):
+PAIRS = {
+    "one": (DORMAND_PRINCE,),
+    "another": (RANOCHA_5,),
+    "all": (RANOCHA_3, DORMAND_PRINCE, RANOCHA_5),
+}
+
+
+@pytest.mark.parametrize("lanes", [FEW, MANY])
+@pytest.mark.parametrize("pairs", PAIRS)
+def test_steps_as_machine_code_are_those_of_python(shipped, monkeypatch, pairs, lanes):
+    monkeypatch.setattr(runge_kutta, "LANES", lanes)
     compiled = shipped("oleo_acceleration")
-    functions, p, y = compiled.functions, compiled.parameter_vector(), compiled.initial()
-    n, grid = len(y), np.array([0.5, 1.0])
+    functions, p = compiled.functions, compiled.parameter_vector()
+    entries, grid = len(compiled.initial()), np.array([0.5, 1.0])
+    n = -(-entries // lanes) * lanes
+    tables = np.array([pair.packed for pair in PAIRS[pairs]])
+    y = np.append(compiled.initial(), np.zeros(n - entries))
 
     def rate(clock, state, values, slope):
-        slope[:n] = np.array(functions.rate(clock[0], state[:n], values)).ravel()
+        slope[:entries] = np.array(functions.rate(clock[0], state[:entries], values)).ravel()
 
     size, results = np.ones(n), []
     for how in ("python", "code"):
-        state, work, found, report = y.copy(), np.zeros(runge_kutta.WORK * n + 1), np.zeros(2 * n), np.zeros(4)
-        vectors = (state, n, p, size, 1e-6, 1e-2, 1.0, 1000, work, found, report)
+        state, found, report = y.copy(), np.zeros(2 * n), np.zeros(runge_kutta.REPORT)
+        work = np.zeros(runge_kutta.WORK * n + runge_kutta.HEAD)
+        vectors = (state, n, entries, p, size, 1e-7, 1e-2, 1.0, 1000, tables.ravel(), len(tables), work, found, report)
         if how == "python":
             runge_kutta.march(rate, 0.0, grid, 2, *vectors)
         else:
             code = functions.machine("rate")
-            _march()(code.addresses["rate"], 0.0, grid.ctypes.data, 2, *(
+            _march(lanes)(code.addresses["rate"], 0.0, grid.ctypes.data, 2, *(
                 v.ctypes.data if isinstance(v, np.ndarray) else v for v in vectors
             ))  # fmt: skip
         results.append((found, report))
     np.testing.assert_array_equal(results[0][0], results[1][0])
     np.testing.assert_array_equal(results[0][1], results[1][1])
+
+
+@pytest.mark.parametrize(("pair", "order"), [(DORMAND_PRINCE, 8), (RANOCHA_5, 5), (RANOCHA_3, 3)])
+def test_a_pair_is_of_its_order(pair, order):
+    """Every sum over a path or over a comb of stages is what the exact solution has: those of the trees of either kind."""
+    stages = len(pair.stages)
+    A = np.array([np.pad(row, (0, stages + 1 - len(row))) for row in ((), *pair.stages)])
+    b, c = A[-1], A.sum(axis=1)
+    powers, paths = np.ones(stages + 1), np.ones(stages + 1)
+    for k in range(1, order + 1):
+        assert b @ powers == pytest.approx(1 / k, rel=1e-12)
+        assert b @ paths == pytest.approx(1 / math.factorial(k), rel=1e-12)
+        powers, paths = powers * c, A @ paths
+    for row in pair.errors:  # of a lower order, but of one: without it an error that grows with h^0 would be taken for none
+        assert sum(row) == pytest.approx(0, abs=1e-14)
+    assert c[stages] == pytest.approx(1, abs=1e-14)
+    assert ((c > -1e-14) & (c < 1 + 1e-14)).all()  # no stage outside the step: there the inputs may be others
+
+
+def rates_of(pairs: tuple[Pair, ...], rtol: float) -> tuple[int, float]:
+    """Rates that a signal's way through six elements takes, and its error at the end: it enters, and stays."""
+    T, e = transport_matrix(8)
+    chain = np.kron(np.eye(6), -T)
+    for k in range(1, 6):
+        chain[8 * k : 8 * k + 8, 8 * k - 1] = -e
+    inflow = np.zeros(48)
+    inflow[:8] = -e
+    functions = ctypes.CFUNCTYPE(None, *[ctypes.POINTER(ctypes.c_double)] * 4)
+
+    @functions
+    def rate(clock, y, p, slope):
+        signal = 1 + 0.3 * math.sin(clock[0]) * math.exp(-clock[0])
+        np.ctypeslib.as_array(slope, (48,))[:] = chain @ np.ctypeslib.as_array(y, (48,)) + signal * inflow
+
+    tables, grid = np.array([pair.packed for pair in pairs]), np.array([60.0])
+    y, p, size, found, report = np.zeros(48), np.zeros(1), np.ones(48), np.zeros(48), np.zeros(runge_kutta.REPORT)
+    work = np.zeros(runge_kutta.WORK * 48 + runge_kutta.HEAD)
+    status = _march(MANY)(
+        ctypes.cast(rate, ctypes.c_void_p).value, 0.0, grid.ctypes.data, 1, y.ctypes.data, 48, 48, p.ctypes.data,
+        size.ctypes.data, rtol, 1e-2, 60.0, 100_000, tables.ctypes.data, len(tables), work.ctypes.data,
+        found.ctypes.data, report.ctypes.data,
+    )  # fmt: skip
+    assert status == 0
+    return int(report[3]), abs(found[-1] - 1.0)
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-7])
+def test_the_pair_that_comes_further_carries_the_run(rtol):
+    alone = {pair.name: rates_of((pair,), rtol) for pair in (DORMAND_PRINCE, RANOCHA_5, RANOCHA_3)}
+    rates, error = rates_of((DORMAND_PRINCE, RANOCHA_5, RANOCHA_3), rtol)
+    assert rates < min(each for each, _ in alone.values())  # each has its part of the way
+    assert rates < 0.85 * alone[DORMAND_PRINCE.name][0]
+    assert max(error, *(each for _, each in alone.values())) < rtol
 
 
 @pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8, 1e-10])
@@ -117,6 +187,16 @@ def test_errors_stay_within_the_tolerance(shipped, rtol):
     size = np.sqrt(reference.variance.values.max(axis=0))
     assert history.provenance.engine == Native.name
     assert (np.abs(history.state_covariance - reference.state_covariance) / np.outer(size, size)).max() < rtol
+
+
+def test_errors_stay_within_the_tolerance_where_pairs_compete(shipped):
+    compiled, times = shipped("half_car"), np.linspace(0.0, 5.0, 26)
+    reference = compiled.propagate(times, rtol=1e-11).state_covariance
+    size = np.sqrt(np.diagonal(reference, axis1=1, axis2=2).max(axis=0))
+    for rtol in (1e-4, 1e-5, 1e-7, 1e-8):
+        history = compiled.propagate(times, rtol=rtol)
+        assert history.provenance.engine.startswith("Runge-Kutta 8(5,3), 5(4), 3(2)")
+        assert (np.abs(history.state_covariance - reference) / np.outer(size, size)).max() < rtol
 
 
 def still_count(compiled: cs.CompiledModel) -> int:

@@ -49,13 +49,13 @@ def part(vector: Vector, first: int) -> Vector:
     return vector[first:]
 
 
-def kernel(*procedures: Callable[..., float], fused: bool = False) -> MachineCode:
+def kernel(*procedures: Callable[..., float], fused: bool = False, lanes: int | None = None) -> MachineCode:
     """Procedures as machine code, the last of them to be called; kept in the cache, for no model is part of it."""
-    text = kernel_text(*procedures, fused=fused)
+    text = kernel_text(*procedures, fused=fused, lanes=lanes)
     return machine_code(text, procedures[-1].__name__, shelf=shelf(digest(text)), effort=2)
 
 
-def kernel_text(*procedures: Callable[..., float], fused: bool = False) -> str:
+def kernel_text(*procedures: Callable[..., float], fused: bool = False, lanes: int | None = None) -> str:
     """Procedures as LLVM's text, the last of them under its own name; each may call those before it.
 
     Parameters
@@ -74,7 +74,10 @@ def kernel_text(*procedures: Callable[..., float], fused: bool = False) -> str:
     for procedure in procedures:
         tree = ast.parse(textwrap.dedent(inspect.getsource(procedure))).body[0]
         assert isinstance(tree, ast.FunctionDef)
-        text = _Writer(tree, procedure is procedures[-1], procedure.__globals__, kinds, constants).text()
+        known = procedure.__globals__ if lanes is None else {**procedure.__globals__, "LANES": lanes}
+        text = _Writer(tree, procedure is procedures[-1], known, kinds, constants).text()
+        if lanes is not None:
+            text = text.replace(" nounwind {", f' nounwind "prefer-vector-width"="{64 * lanes}" {{')
         for each in ("fadd", "fsub", "fmul") if fused else ():
             text = text.replace(f" = {each} ", f" = {each} contract ")
         texts.append(text)

@@ -18,13 +18,20 @@ from cadet_sym.lowering.kernel import kernel
 from cadet_sym.lowering.machine import MachineCode, address, available
 from cadet_sym.memory import Memory
 from cadet_sym.solve.breakdown import Breakdown
-from cadet_sym.solve.runge_kutta import PROCEDURES, REPORT, STALLED, WORK
+from cadet_sym.solve.runge_kutta import HEAD, PROCEDURES, REPORT, STALLED, WORK
 from cadet_sym.solve.scales import Tolerance
+from cadet_sym.solve.tableaux import DORMAND_PRINCE, RANOCHA_3, RANOCHA_5, Pair
 
 __all__ = ["Native", "has_machine_code", "prepare"]
 
 Array = npt.NDArray[np.float64]
 Places = npt.NDArray[np.intp]
+
+FEW, MANY, LONG = 4, 8, 128
+"""Lanes of short vectors and of those that are as long as this (see `runge_kutta`)."""
+
+LINE = 8
+"""Numbers in a line of the processor's cache."""
 
 RESTS = 1e-10
 """A rate below this share of its own terms is zero."""
@@ -32,34 +39,48 @@ RESTS = 1e-10
 
 @dataclass
 class Native:
-    """The moment equations of one run under the pair of order 8 of Dormand and Prince."""
+    """The moment equations of one run under the pair of order 8 of Dormand and Prince.
+
+    Where wheels follow each other, stability limits the steps: on the way from wheel to wheel values decay fast. Pairs that
+    are stable for longer then compete with it (see `runge_kutta`).
+    """
 
     lowered: MomentFunctions
     p: Array
     tolerance: Tolerance
     steps: int = field(default=0, init=False)
+    pairs: tuple[Pair, ...] = field(default=(DORMAND_PRINCE,), init=False)
     name = "Runge-Kutta 8(5,3), machine code"
+
+    def __post_init__(self) -> None:
+        if self.lowered.facts.delay is not None:
+            self.pairs = DORMAND_PRINCE, RANOCHA_5, RANOCHA_3
+            self.name = f"Runge-Kutta {', '.join(pair.name for pair in self.pairs)}, machine code"
 
     def advance(self, begin: float, y: Array, grid: Array) -> Array:
         """Packed moments (k, size) at the times of the grid, from y at `begin`."""
         free, held = _parts(self.lowered, self.p, y)
         rate, which = _rate(self.lowered, held)
         assert rate is not None, "chosen only where there is machine code"
-        x, n, report = y[free], len(free), np.zeros(REPORT)
-        values, work, size = np.empty((len(grid), n)), np.empty(WORK * n + 1), self.tolerance.size[free]
+        tables = np.array([pair.packed for pair in self.pairs])
+        n, report = len(free), np.zeros(REPORT)
+        lanes = FEW if n < LONG else MANY
+        x, size = _padded(y[free], lanes, 0.0), _padded(self.tolerance.size[free], lanes, 1.0)
+        values, work = np.empty((len(grid), len(x))), _zeros(WORK * len(x) + HEAD)
         times, given = np.ascontiguousarray(grid, dtype=float), np.concatenate([self.p, y[held]])
-        status = _march()(
-            rate.addresses[which], begin, address(times), len(times), address(x), n, address(given),
+        status = _march(lanes)(
+            rate.addresses[which], begin, address(times), len(times), address(x), len(x), n, address(given),
             address(size), self.tolerance.relative, self.tolerance.absolute, np.nextafter(times[-1], begin),
-            self.tolerance.steps, address(work), address(values), address(report),
+            self.tolerance.steps, address(tables), len(tables), address(work), address(values), address(report),
         )  # fmt: skip
+        values = values[:, :n]
         self.steps += int(report[1])
         found = values if not len(held) else np.repeat(y[None], len(grid), axis=0)
         if len(held):
             found[:, free] = values
         if status:
             here = y.copy()
-            here[free] = x
+            here[free] = x[:n]
             reached = int(np.searchsorted(times, report[0], side="right"))
             reason = "Its steps shrink to nothing." if status == STALLED else "It took too many steps."
             raise Breakdown(reason, found[:reached], float(report[0]), here)
@@ -81,15 +102,31 @@ def _rate(lowered: MomentFunctions, held: Places) -> tuple[MachineCode | None, s
 def prepare() -> None:
     """Make the integrator, or read it from the cache: what a run needs that does not depend on the model."""
     if available():
-        _march()
+        _march(FEW)
 
 
 @cache
-def _march() -> Any:
+def _march(lanes: int) -> Any:
     """The integrator; the same machine code for all models."""
     vector, number, integer = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
-    types = (vector, number, vector, integer, vector, integer, vector, vector, number, number, number, integer)
-    return kernel(*PROCEDURES).function("march", *types, vector, vector, vector, returns=integer)
+    state = (vector, integer, integer, vector, vector)
+    types = (vector, number, vector, integer, *state, number, number, number, integer, vector, integer)
+    return kernel(*PROCEDURES, lanes=lanes).function("march", *types, vector, vector, vector, returns=integer)
+
+
+def _zeros(count: int) -> Array:
+    """A vector of zeros that begins where a line of the processor's cache does."""
+    room = np.zeros(count + LINE)
+    first = -(address(room) // room.itemsize) % LINE
+    return room[first : first + count]
+
+
+def _padded(values: Array, lanes: int, rest: float) -> Array:
+    """Values, and as many more as fill the last lanes."""
+    vector = _zeros(-(-len(values) // lanes) * lanes)
+    vector[: len(values)] = values
+    vector[len(values) :] = rest
+    return vector
 
 
 _places: Memory[tuple[Places, Places]] = Memory()

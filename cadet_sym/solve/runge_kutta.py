@@ -1,20 +1,25 @@
-"""An explicit Runge-Kutta pair of order 8 with error estimates of order 5 and 3, written to run as machine code.
+"""Embedded explicit Runge-Kutta pairs with control of the step, written to run as machine code.
 
-DOP853 of Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, 2nd ed. 1993, section II.10 (the pair of
-Prince & Dormand, J. Comput. Appl. Math. 7, 67, 1981). Steps end at the output times: where stability, not accuracy, limits
-the step, no interpolation within it would be as good as its end. For `lowering.kernel`.
+Steps end at the output times: where stability, not accuracy, limits the step, no interpolation within it would be as good as
+its end. Of two pairs, one of high order and one that is stable for long, the run is carried by the one that comes further for
+the same number of rates: from time to time the other has a few steps to show what it can do. For `lowering.kernel`.
 """
 
 from __future__ import annotations
 
 from cadet_sym.lowering.kernel import Function, Vector, isfinite, part, sqrt
+from cadet_sym.solve.tableaux import BEGINS, GROUP, LONG, MOST_STAGES, PLACES
 
-__all__ = ["PROCEDURES", "REPORT", "STALLED", "TOO_MANY", "WORK", "march"]
+__all__ = ["LANES", "PROCEDURES", "REPORT", "STALLED", "TOO_MANY", "WORK", "march"]
 
-STAGES = 12
+LANES = 4
+"""Vectors are as long as a multiple of this, and worked on so many numbers at a time; more, once compiled for long ones."""
 
-WORK = STAGES + 3
-"""Vectors of working space."""
+WORK = MOST_STAGES + 3
+"""Vectors of working space ..."""
+
+SUMS, CONTEST, HEAD = 8, 16, 32
+"""... behind so many numbers: the time, what is summed up lane by lane, and how the pairs compete."""
 
 REPORT = 4
 """What is reported: time reached, steps, steps refused, rates."""
@@ -22,140 +27,186 @@ REPORT = 4
 TOO_MANY, STALLED = 1, 2
 """What `march` returns where it gives up."""
 
-PLACES = (
-    0.0, 0.05260015195876773, 0.0789002279381516, 0.1183503419072274, 0.2816496580927726, 0.3333333333333333,
-    0.25, 0.3076923076923077, 0.6512820512820513, 0.6, 0.8571428571428571, 1.0, 1.0,
-)
-"""Where in the step each stage is."""
+HOLDER, PLAYER, RATES, LENGTH, WAIT, CAME, COUNTED, BEST, KEPT, CHALLENGER = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
+"""How the pairs compete: who carries the run, whose turn it is, its rates in this turn of how many, how many the holder has
+undisturbed; how far it came with so many rates in the second half of the turn, which counts; what there is to beat, and the
+step to go back to."""
 
-WEIGHTS = (
-    0.05260015195876773, 0.0197250569845379, 0.0591751709536137, 0.02958758547680685, 0.0, 0.08876275643042054,
-    0.2413651341592667, 0.0, -0.8845494793282861, 0.924834003261792, 0.037037037037037035, 0.0, 0.0,
-    0.17082860872947386, 0.12546768756682242, 0.037109375, 0.0, 0.0, 0.17025221101954405, 0.06021653898045596,
-    -0.017578125, 0.03709200011850479, 0.0, 0.0, 0.17038392571223998, 0.10726203044637328,
-    -0.015319437748624402, 0.008273789163814023, 0.6241109587160757, 0.0, 0.0, -3.3608926294469414,
-    -0.868219346841726, 27.59209969944671, 20.154067550477894, -43.48988418106996, 0.47766253643826434, 0.0,
-    0.0, -2.4881146199716677, -0.590290826836843, 21.230051448181193, 15.279233632882423, -33.28821096898486,
-    -0.020331201708508627, -0.9371424300859873, 0.0, 0.0, 5.186372428844064, 1.0914373489967295,
-    -8.149787010746927, -18.52006565999696, 22.739487099350505, 2.4936055526796523, -3.0467644718982196,
-    2.273310147516538, 0.0, 0.0, -10.53449546673725, -2.0008720582248625, -17.9589318631188, 27.94888452941996,
-    -2.8589982771350235, -8.87285693353063, 12.360567175794303, 0.6433927460157636, 0.054293734116568765, 0.0,
-    0.0, 0.0, 0.0, 4.450312892752409, 1.8915178993145003, -5.801203960010585, 0.3111643669578199,
-    -0.1521609496625161, 0.20136540080403034, 0.04471061572777259,
-)
-"""Of the stages before it, stage after stage: those of stage k begin at k (k - 1) / 2; last, those of the result."""
+FIRST_WAIT, LONGEST_WAIT, TRIAL = 384.0, 3072.0, 96.0
+"""Rates of the holder's turn at first and at most, and of a challenger's."""
 
-FIFTH = (
-    0.01312004499419488, 0.0, 0.0, 0.0, 0.0, -1.2251564463762044, -0.4957589496572502, 1.6643771824549864,
-    -0.35032884874997366, 0.3341791187130175, 0.08192320648511571, -0.022355307863886294,
-)
-"""What the result of order 5 differs by, for each stage."""
-
-THIRD = (
-    -0.18980075407240762, 0.0, 0.0, 0.0, 0.0, 4.450312892752409, 1.8915178993145003, -5.801203960010585,
-    -0.4226823213237919, -0.1521609496625161, 0.20136540080403034, 0.02265179219836082,
-)
-"""The same of order 3."""
+BETTER = 1.05
+"""How much further a challenger must come."""
 
 
+def combine(out: Vector, share: float, y: Vector, slopes: Vector, table: Vector, row: int, h: float, n: int) -> int:
+    """Set out = share y + h sum of the slopes by the weights of a row of the pair; returns 0 if there are none."""
+    first = int(table[BEGINS + row])
+    last = int(table[BEGINS + row + 1])
+    at = first
+    while at < last:
+        group = part(table, at)
+        a = part(slopes, int(group[0]) * n)
+        b = part(slopes, int(group[1]) * n)
+        c = part(slopes, int(group[2]) * n)
+        d = part(slopes, int(group[3]) * n)
+        wa = h * group[GROUP]
+        wb = h * group[GROUP + 1]
+        wc = h * group[GROUP + 2]
+        wd = h * group[GROUP + 3]
+        for block in range(n // LANES):
+            i = LANES * block
+            some = part(out, i)
+            before = part(y, i)
+            sa = part(a, i)
+            sb = part(b, i)
+            sc = part(c, i)
+            sd = part(d, i)
+            if at == first:
+                for k in range(LANES):
+                    some[k] = share * before[k] + ((wa * sa[k] + wb * sb[k]) + (wc * sc[k] + wd * sd[k]))
+            else:
+                for k in range(LANES):
+                    some[k] += (wa * sa[k] + wb * sb[k]) + (wc * sc[k] + wd * sd[k])
+        at += 2 * GROUP
+    return last - first
 
-def combine(out: Vector, y: Vector, slopes: Vector, stage: int, h: float, n: int) -> int:
-    """Set out = y + h sum of the slopes before a stage, by their weights."""
-    first = stage * (stage - 1) // 2
-    for i in range(n):
-        out[i] = y[i]
-    for j in range(stage):
-        weight = h * WEIGHTS[first + j]
-        if weight != 0.0:
-            slope = part(slopes, j * n)
-            for i in range(n):
-                out[i] += weight * slope[i]
-    return 0
+
+def squares(
+    x: Vector, y: Vector, end: Vector, size: Vector, relative: float, absolute: float, lanes: Vector, n: int
+) -> float:
+    """Sum of the squares of x over what a step from y to `end` may err by."""
+    for k in range(LANES):
+        lanes[k] = 0.0
+    for block in range(n // LANES):
+        i = LANES * block
+        wrong = part(x, i)
+        before = part(y, i)
+        after = part(end, i)
+        large = part(size, i)
+        for k in range(LANES):
+            share = wrong[k] / (relative * (max(abs(before[k]), abs(after[k])) + absolute * large[k]))
+            lanes[k] += share * share
+    total = 0.0
+    for k in range(LANES):
+        total += lanes[k]
+    return total
 
 
 def error(
-    y: Vector, end: Vector, slopes: Vector, size: Vector, relative: float, absolute: float, h: float, n: int
+    y: Vector, end: Vector, slopes: Vector, size: Vector, relative: float, absolute: float, table: Vector, h: float,
+    wrong: Vector, lanes: Vector, n: int, entries: int,
 ) -> float:
-    """Error of a step over what it may be: Hairer's mean of those of order 5 and of order 3."""
-    fifth = 0.0
-    third = 0.0
-    for i in range(n):
-        a = 0.0
-        b = 0.0
-        for j in range(STAGES):
-            a += FIFTH[j] * slopes[j * n + i]
-            b += THIRD[j] * slopes[j * n + i]
-        allowed = relative * (max(abs(y[i]), abs(end[i])) + absolute * size[i])
-        fifth += (a / allowed) * (a / allowed)
-        third += (b / allowed) * (b / allowed)
-    if fifth == 0.0 and third == 0.0:
+    """Error of a step over what it may be (see `tableaux.Pair`)."""
+    row = int(table[0])
+    combine(wrong, 0.0, y, slopes, table, row, 1.0, n)
+    first = squares(wrong, y, end, size, relative, absolute, lanes, n)
+    damped = first
+    if combine(wrong, 0.0, y, slopes, table, row + 1, 1.0, n) > 0:
+        damped += 0.01 * squares(wrong, y, end, size, relative, absolute, lanes, n)
+    if damped == 0.0:
         return 0.0
-    return h * fifth / sqrt((fifth + 0.01 * third) * float(n))
-
-
-def norm(x: Vector, y: Vector, size: Vector, relative: float, absolute: float, n: int) -> float:
-    """Root mean square of x over what a step from y may err by."""
-    total = 0.0
-    for i in range(n):
-        share = x[i] / (relative * (abs(y[i]) + absolute * size[i]))
-        total += share * share
-    return sqrt(total / float(n))
+    return h * first / sqrt(damped * float(entries))
 
 
 def first_step(
     rate: Function, t: float, y: Vector, p: Vector, size: Vector, relative: float, absolute: float, longest: float,
-    clock: Vector, trial: Vector, slope: Vector, n: int,
+    power: float, clock: Vector, trial: Vector, change: Vector, slope: Vector, lanes: Vector, n: int, entries: int,
 ) -> float:
     """Length of a first step, from the rate and its change (Hairer, Norsett & Wanner, section II.4)."""
-    value = norm(y, y, size, relative, absolute, n)
-    steep = norm(slope, y, size, relative, absolute, n)
+    value = sqrt(squares(y, y, y, size, relative, absolute, lanes, n) / float(entries))
+    steep = sqrt(squares(slope, y, y, size, relative, absolute, lanes, n) / float(entries))
     h = 1e-6 * longest
     if value > 1e-5 and steep > 1e-5:
         h = min(0.01 * value / steep, longest)
     for i in range(n):
         trial[i] = y[i] + h * slope[i]
     clock[0] = t + h
-    change = part(trial, n)
     rate(clock, trial, p, change)
     for i in range(n):
         change[i] -= slope[i]
-    steep = max(steep, norm(change, y, size, relative, absolute, n) / h)
+    steep = max(steep, sqrt(squares(change, y, y, size, relative, absolute, lanes, n) / float(entries)) / h)
     if not isfinite(steep):
         return 1e-6 * longest
     if steep <= 1e-15:
         return min(100.0 * h, longest)
-    return min(min(100.0 * h, (0.01 / steep) ** 0.125), longest)
+    return min(min(100.0 * h, (0.01 / steep) ** power), longest)
+
+
+def compete(contest: Vector, pairs: int, taken: float, spent: float, h: float) -> float:
+    """The step to go on with, and whose it is, after one of length `taken` that took `spent` rates."""
+    contest[RATES] += spent
+    if contest[RATES] > 0.5 * contest[LENGTH]:
+        contest[CAME] += taken
+        contest[COUNTED] += spent
+    if contest[RATES] < contest[LENGTH]:
+        return h
+    speed = contest[CAME] / contest[COUNTED]
+    if contest[PLAYER] == contest[HOLDER]:
+        contest[BEST] = speed
+        contest[KEPT] = h
+        following = (int(contest[CHALLENGER]) + 1) % pairs
+        if following == int(contest[HOLDER]):
+            following = (following + 1) % pairs
+        contest[CHALLENGER] = float(following)
+        contest[PLAYER] = contest[CHALLENGER]
+        contest[LENGTH] = TRIAL
+    else:
+        if speed > BETTER * contest[BEST]:
+            contest[HOLDER] = contest[PLAYER]
+            contest[WAIT] = FIRST_WAIT
+        else:
+            contest[PLAYER] = contest[HOLDER]
+            contest[WAIT] = min(2.0 * contest[WAIT], LONGEST_WAIT)
+            h = contest[KEPT]
+        contest[LENGTH] = contest[WAIT]
+    contest[RATES] = 0.0
+    contest[CAME] = 0.0
+    contest[COUNTED] = 0.0
+    return h
 
 
 def march(
-    rate: Function, begin: float, grid: Vector, points: int, y: Vector, n: int, p: Vector, size: Vector,
-    relative: float, absolute: float, latest: float, most: int, work: Vector, found: Vector, report: Vector,
+    rate: Function, begin: float, grid: Vector, points: int, y: Vector, n: int, entries: int, p: Vector, size: Vector,
+    relative: float, absolute: float, latest: float, most: int, tables: Vector, pairs: int, work: Vector, found: Vector,
+    report: Vector,
 ) -> int:
     """Carry y from `begin` through the times of the grid, of which the last ends the stretch.
 
     Parameters
     ----------
-    rate : writes dy/dt at (t, y, p).
-    y : (n,) where it starts; where it arrived, afterwards.
-    size : (n,) of every entry; a step may err by relative (|y| + absolute size).
+    rate : writes dy/dt at (t, y, p); of the entries, and leaves what is behind them.
+    y : (n,) where it starts; where it arrived, afterwards. n is the next multiple of LANES, the rest is zero.
+    entries : of y.
+    size : (n,) of every entry; a step may err by relative (|y| + absolute size). Not zero.
     latest : the last time at which the inputs are those of this stretch.
     most : steps.
-    work : (WORK n + 1,). found : (points, n), one after the other. report : (REPORT,).
+    tables, pairs : one packed pair, or two that compete, of which the first begins.
+    work : (WORK n + HEAD,) of zeros. found : (points, n), one after the other. report : (REPORT,).
 
     Returns
     -------
     0; TOO_MANY steps; or STALLED, where they shrink to nothing.
     """
-    slopes = part(work, 1)
-    end = part(slopes, (STAGES + 1) * n)
+    lanes = part(work, SUMS)
+    contest = part(work, CONTEST)
+    slopes = part(work, HEAD)
+    end = part(slopes, (MOST_STAGES + 1) * n)
     trial = part(end, n)
+    table = tables
+    contest[WAIT] = FIRST_WAIT
+    contest[LENGTH] = FIRST_WAIT
     t = begin
     known = 0
     work[0] = t
     rate(work, y, p, slopes)
-    h = first_step(rate, t, y, p, size, relative, absolute, grid[points - 1] - begin, work, end, slopes, n)
+    longest = grid[points - 1] - begin
+    h = first_step(
+        rate, t, y, p, size, relative, absolute, longest, table[1], work, end, trial, slopes, lanes, n, entries
+    )
     report[3] += 2.0
     before = 1.0
+    spent = 0.0
     for _step in range(most + 1):  # the last only to write down where the steps led
         report[0] = t
         while t + 0.1 * (grid[known] - t) <= t:  # here, or nearer than a step can be
@@ -173,33 +224,41 @@ def march(
             taken = 0.5 * rest
         if t + 0.1 * taken <= t:
             return STALLED
-        for stage in range(1, STAGES):
-            combine(trial, y, slopes, stage, taken, n)
-            work[0] = min(t + PLACES[stage] * taken, latest)
+        stages = int(table[0])
+        power = table[1]
+        for stage in range(1, stages):
+            combine(trial, 1.0, y, slopes, table, stage - 1, taken, n)
+            work[0] = min(t + table[PLACES + stage - 1] * taken, latest)
             rate(work, trial, p, part(slopes, stage * n))
-        combine(end, y, slopes, STAGES, taken, n)
-        report[3] += float(STAGES - 1)
-        wrong = error(y, end, slopes, size, relative, absolute, taken, n)
+        combine(end, 1.0, y, slopes, table, stages - 1, taken, n)
+        after = grid[known] if taken == rest else t + taken
+        work[0] = min(after, latest)
+        last = part(slopes, stages * n)
+        rate(work, end, p, last)
+        report[3] += float(stages)
+        spent += float(stages)
+        wrong = error(y, end, slopes, size, relative, absolute, table, taken, trial, lanes, n, entries)
         if not wrong <= 1.0:  # or no number
             report[2] += 1.0
-            h = taken * (max(0.2, 0.9 * wrong**-0.125) if isfinite(wrong) else 0.1)
+            h = taken * (max(0.2, 0.9 * wrong**-power) if isfinite(wrong) else 0.1)
             continue
         factor = 6.0
         if wrong > 1e-10:
-            factor = min(6.0, max(0.2, 0.9 * wrong**-0.0875 * before**0.05))
+            factor = min(6.0, max(0.2, 0.9 * wrong ** (-0.7 * power) * before ** (0.4 * power)))
         before = max(wrong, 1e-4)
-        t = grid[known] if taken == rest else t + taken
-        work[0] = min(t, latest)
-        rate(work, end, p, part(slopes, STAGES * n))
+        t = after
         report[1] += 1.0
-        report[3] += 1.0
         for i in range(n):
             y[i] = end[i]
-            slopes[i] = slopes[STAGES * n + i]
+            slopes[i] = last[i]
         if taken == h or factor * taken > h:  # a step cut short says little about the next
             h = factor * taken
+        if pairs > 1:
+            h = compete(contest, pairs, taken, spent, h)
+            table = part(tables, int(contest[PLAYER]) * LONG)
+        spent = 0.0
     return TOO_MANY
 
 
-PROCEDURES = (combine, error, norm, first_step, march)
+PROCEDURES = (combine, squares, error, first_step, compete, march)
 """What is compiled together."""
