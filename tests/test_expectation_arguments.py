@@ -10,10 +10,12 @@ import pytest
 import sympy as sp
 from gaussian_integrals import covariance, two
 
+import cadet_sym as cs
 from cadet_sym.errors import LinearisationError
 from cadet_sym.expectation import describing_function
 from cadet_sym.language.expression import parse, symbol
 from cadet_sym.language.numeric import evaluate
+from cadet_sym.lowering.check import check
 from cadet_sym.lowering.elements import element_function
 
 X, Y, W = symbol("x"), symbol("y"), symbol("w")
@@ -222,3 +224,22 @@ def test_two_powers_that_are_no_integers_multiply():
     # independent: the product of E|x|^1.5 and E|y|^0.5
     alone = [float(compiled(f"abs(x)**{q}", (X,))(0, 1, [])[0]) for q in (1.5, 0.5)]
     assert float(compiled("abs(x)**1.5*abs(y)**0.5")([0, 0], [1, 0, 1], [])[0]) == pytest.approx(alone[0] * alone[1], rel=1e-8)
+
+
+@pytest.mark.filterwarnings("ignore:.*lie on curves")
+@pytest.mark.parametrize(
+    ("text", "error"),
+    [
+        ("abs(abs(x) - abs(y))", 1e-9),  # kinks of one argument alone, beside those across both
+        ("2*y*heaviside(y)*min(y - x, 0)", 1e-9),
+        ("abs(x) if x > y else x*(x - y)", 1e-9),
+        ("x*min(x, y)", 1e-9),  # at a correlation of 0.999
+        ("abs(x**2 + y**2 - 1)", 1e-8),  # a curve that the line of the means meets twice
+        ("abs(x - y**2)*y", 1e-6),
+        ("erf(y*(3*x + 3))", 1e-8),  # an error function as a smoothed step
+    ],
+)
+def test_what_switches_across_two_arguments_is_right_at_any_spread(text, error):
+    found = check(cs.Element("f", ["x", "y"], parse(text)))
+    assert found.unsettled == 0
+    assert max(found.error, found.gain_error) < error

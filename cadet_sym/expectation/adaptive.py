@@ -203,9 +203,7 @@ def _places(body: sp.Expr, arguments: tuple[sp.Symbol, ...], level: int) -> list
             inner = 1 - inner**2
         if isinstance(inner, sp.Expr):
             found[inner] = None
-    found.update(
-        {sp.diff(place, z): None for place in list(found)}
-    )  # two zeros that are near to each other lie about one of this
+    found.update({sp.diff(place, z): None for place in list(found)})  # zeros near to each other lie about one of this
     parts = dict.fromkeys(part for place in found for part in _parts(place, arguments, level))
     usable = (p for p in parts if p.has(z) and not p.free_symbols & later and not p.has(sp.Derivative, sp.DiracDelta, sp.Subs))
     return list(usable)[:MOST_PLACES]

@@ -62,8 +62,10 @@ class Product:
                 yield from (part.lower, part.upper, part.value)
 
     def poles(self) -> Iterator[tuple[int, sp.Expr, sp.Expr]]:
-        """Arguments, centres and widths of poles off the line."""
+        """Arguments, centres and widths of poles off the line, and of error functions."""
         for argument, function in self.functions:
+            for error in function.error_functions:
+                yield argument, -error.offset / error.slope, 1 / sp.Abs(error.slope)
             for part in function.integrals:
                 for place in part.steep:
                     yield argument, place.centre, place.width

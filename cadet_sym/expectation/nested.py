@@ -16,21 +16,22 @@ from sympy.core.relational import Relational
 from cadet_sym.errors import LinearisationError
 from cadet_sym.expectation.closed_form import normal
 from cadet_sym.expectation.existence import require_expectation
-from cadet_sym.expectation.pieces import Cell, Partition, Splitter, affine
+from cadet_sym.expectation.pieces import TINY, Cell, Partition, Splitter, affine
 from cadet_sym.expectation.quadrature import PLAIN_ERROR, PLAIN_RULE, ExpectationWarning, Integral, Rule, Wish, stretches
 from cadet_sym.expectation.steep import Steep, steep_places
 from cadet_sym.expectation.tables import written_out
+from cadet_sym.language.kinks import switching_functions
 from cadet_sym.language.numeric import evaluate
 from cadet_sym.language.vocabulary import Lookup
 
 if TYPE_CHECKING:
     from cadet_sym.expectation.describing import DescribingFunction
 
-WITH_STEPS = Rule(2, 10, straight=24)
+WITH_STEPS = Rule(1, 24, straight=32)
 TRAPEZOIDAL = Rule(order=80)
 WITH_POLES = Rule(order=56, straight=40)
 MAX_CROSSINGS = 4
-MAX_CURVES = 1
+MAX_CURVES = 2
 WHOLE = Cell()
 INSIDE = 0.37  # how far within a cell it is looked at
 INNER_ERROR = 1e-9
@@ -191,6 +192,7 @@ def _over(
         rough = _is_rough(expectations[0], z)
         for lower, upper, singular in stretches(cell, value, z, rough=rough):
             steep = () if wish.plain else tuple(steep_places(value, z, Cell.between(lower, upper), singular))
+            steep = steep if wish.plain or any(singular) else (*steep, *_waves(value, z, rest))
             slices.append(Slice(Integral(lower, upper, value, z, steep, singular), *expectations))
     steps = (Step(position, inner(change)) for position, change in _steps(slices, z))
     met, error = _crossings(slices, z, others)
@@ -199,6 +201,16 @@ def _over(
     crossings = tuple(c for c in met if c.width is None or not wish.plain)
     ruled = tuple(_ruled(s, crossings, wish.plain) for s in slices)
     return Nested(outer, others, ruled, tuple(steps), crossings, PLAIN_ERROR if wish.plain else error)
+
+
+def _waves(value: sp.Expr, z: sp.Symbol, rest: tuple[sp.Symbol, ...]) -> Iterator[Steep]:
+    """Where waves in another argument are long: averaged over it, they are seen near there only."""
+    for wave in value.atoms(sp.sin, sp.cos):
+        for y in rest:
+            line = affine(sp.diff(wave.args[0], y), z)
+            if line is not None and line[0].is_number:
+                yield Steep(-line[1] / line[0], 1 / sp.Abs(line[0] * y))
+                return
 
 
 def _inside(cell: Cell, wish: Wish) -> float:
@@ -226,7 +238,8 @@ def _cells(
     except LinearisationError:
         pass
     z = splitter.z
-    points = sorted(_meetings(_differences(inner(body), z), z), key=lambda p: float(p) if p.is_number else 0.0)
+    own = {expr for expr in switching_functions(body, z) if not expr.has(*rest)}
+    points = sorted(_meetings(own | _differences(inner(body), z), z), key=lambda p: float(p) if p.is_number else 0.0)
     if len(points) > 1 and not all(point.is_number for point in points):
         return None
     bounds = [sp.S.NegativeInfinity, *points, sp.S.Infinity]
@@ -248,13 +261,18 @@ def _meetings(differences: set[sp.Expr], z: sp.Symbol) -> set[sp.Expr]:
 
 
 def _decided(body: sp.Expr, z: sp.Symbol, rest: tuple[sp.Symbol, ...], numbers: Mapping[sp.Symbol, float]) -> sp.Expr:
-    """The function on a cell of the outer argument, where conditions on that alone hold or do not, so that jumps show."""
+    """The function on a cell of the outer argument, where it is known which side every switch of that alone is on."""
 
     def is_settled(expr: sp.Basic) -> bool:
-        jumps = isinstance(expr, Relational | sp.sign | sp.Heaviside)
-        return jumps and expr.has(z) and not expr.has(*rest) and expr.free_symbols <= numbers.keys()
+        switches = isinstance(expr, Relational | sp.sign | sp.Heaviside | sp.Abs | sp.Max | sp.Min)
+        return switches and expr.has(z) and not expr.has(*rest) and expr.free_symbols <= numbers.keys()
 
     def settled(expr: sp.Basic) -> sp.Basic:
+        if isinstance(expr, sp.Abs):
+            return expr.args[0] if evaluate(expr.args[0], numbers) > 0 else -expr.args[0]
+        if isinstance(expr, sp.Max | sp.Min):
+            choose = max if isinstance(expr, sp.Max) else min
+            return choose(expr.args, key=lambda e: evaluate(e, numbers))
         value = evaluate(expr, numbers)
         return sp.sympify(bool(value)) if isinstance(expr, Relational) else sp.Integer(int(value))
 
@@ -267,7 +285,9 @@ def _differences(df: DescribingFunction, z: sp.Symbol) -> set[sp.Expr]:
     for product in df.products:
         for expr in product.expressions():
             for node in expr.atoms(sp.Max, sp.Min, Relational):
-                found.update(sp.expand(a - b) for a, b in combinations(node.args, 2))
+                sides = [side for side in node.args if side != TINY]
+                found.update(sp.expand(a - b) for a, b in combinations(sides, 2))
+                found.update(side for side in sides if len(sides) < len(node.args))
         found.update(sp.expand(a - b) for (_, a), (_, b) in combinations(product.kinks(), 2))
     return {difference for difference in found if difference.has(z)}
 
@@ -333,26 +353,40 @@ def _crossings(slices: list[Slice], z: sp.Symbol, others: tuple[int, ...]) -> tu
                 found.update({(others[argument], line): None for line in lines})
             for argument, position, width in product.poles():
                 found.setdefault((others[argument], position), width)
-    straight, curved, error = [], [], FOUND_ERROR
+    straight, curves, error = [], {}, FOUND_ERROR
     for (argument, position), width in found.items():
         if position.is_polynomial(z) and sp.degree(position, z) <= 1:
             slope = position.coeff(z, 1) if position.has(z) else sp.S.Zero
             straight.append(Crossing(argument, sp.expand(position - slope * z), slope, width))
         elif not position.is_number or width is None:
-            curved.append(_on_curve(argument, position, width, z))
-    known = [pair for pair in curved if pair]
-    if len(known) <= MAX_CURVES:
-        straight += [crossing for pair in known for crossing in pair]
-    if curved:
-        error = CURVED_ERROR if len(known) <= MAX_CURVES else LOST_ERROR
+            error = CURVED_ERROR
+            curve = _curve(position, z)
+            curves.update({} if curve is None else {(argument, curve): width})
+    if len(curves) <= MAX_CURVES:
+        straight += [
+            Crossing(argument, sp.S.Zero, sp.S.One, width, curve, _ON_CURVE, branch)
+            for (argument, curve), width in curves.items()
+            for branch in (-1, 1)
+        ]
+    else:
+        error = LOST_ERROR
     return straight[:MAX_CROSSINGS], error
 
 
-def _on_curve(argument: int, position: sp.Expr, width: sp.Expr | None, z: sp.Symbol) -> tuple[Crossing, ...]:
-    """A kink or pole on a curve of degree two, which a straight line meets twice; nothing if it is no such curve."""
-    numerator, denominator = sp.fraction(sp.together(position))
-    y = sp.Dummy("y", real=True)
-    curve = sp.expand(denominator * y - numerator)
-    if not curve.is_polynomial(z, y) or sp.total_degree(curve, z, y) != 2:
-        return ()
-    return tuple(Crossing(argument, sp.S.Zero, sp.S.One, width, curve, y, branch) for branch in (-1, 1))
+_ON_CURVE = sp.Dummy("y", real=True)
+
+
+def _curve(position: sp.Expr, z: sp.Symbol) -> sp.Expr | None:
+    """A polynomial of degree two in z and `_ON_CURVE` that is zero at a kink, which a straight line meets twice; or None."""
+    position = position.replace(lambda e: isinstance(e, sp.Max) and TINY in e.args, lambda e: sp.Max(*set(e.args) - {TINY}))
+    y, (numerator, denominator) = _ON_CURVE, sp.fraction(sp.together(position))
+    curve = denominator * y - numerator
+    roots = {node for node in curve.atoms(sp.Pow) if node.exp == sp.S.Half and node.has(z)}
+    if len(roots) == 1:  # both signs of it at once
+        (root,) = roots
+        rest = sp.expand(curve).coeff(root, 0)
+        curve = rest**2 - sp.expand(curve - rest) ** 2
+    curve = sp.expand(curve)
+    _, curve = sp.factor_terms(curve).as_independent(z, y, as_Add=False)
+    curve = sp.expand(curve)
+    return curve if curve.is_polynomial(z, y) and sp.total_degree(curve, z, y) == 2 else None

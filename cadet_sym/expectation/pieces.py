@@ -19,7 +19,7 @@ from sympy.logic.boolalg import Boolean, BooleanFalse, BooleanTrue
 from cadet_sym.errors import LinearisationError
 
 MAX_PIECES = 4096
-TINY = sp.Rational(1, 10**200)
+TINY = sp.Rational(1, 10**200)  # what stands under the root of two zeros at least, where they may not exist
 
 
 @dataclass(frozen=True)
