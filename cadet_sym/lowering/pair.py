@@ -8,6 +8,7 @@ times the standard deviation, or is an impulse that is there.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import comb
 
@@ -66,7 +67,7 @@ class Pair:
         total += self.swapped()._tails_times_segments(b, a)
         for kink in a.kinks:
             for other in b.kinks:
-                corner = self._corner(kink.position, other.position)
+                corner = self.corner(kink.position, other.position)
                 for i, c in enumerate(_coefficients(kink.terms)):
                     for j, d in enumerate(_coefficients(other.terms)):
                         if c != 0 and d != 0:
@@ -75,7 +76,16 @@ class Pair:
 
     def _polynomials(self, c: sp.Expr, first: tuple[Term, ...], d: sp.Expr, second: tuple[Term, ...]) -> ca.SX:
         """E of a polynomial in x - c times one in y - d."""
-        p, q = _coefficients(first), _coefficients(second)
+        moment = self.powers(c, d)
+        total = ca.SX(0)
+        for i, u in enumerate(_coefficients(first)):
+            for j, v in enumerate(_coefficients(second)):
+                if u != 0 and v != 0:
+                    total += self.x.value(u) * self.y.value(v) * moment(i, j)
+        return total
+
+    def powers(self, c: sp.Expr, d: sp.Expr) -> Callable[[int, int], ca.SX]:
+        """E[(x - c)^i (y - d)^j] as a function of i and j."""
         hx, hy = self.x.m - self.x.value(c), self.y.m - self.y.value(d)
         table: dict[tuple[int, int], ca.SX] = {(0, 0): ca.SX(1)}
 
@@ -90,17 +100,12 @@ class Pair:
                 table[i, j] = value
             return table[i, j]
 
-        total = ca.SX(0)
-        for i, u in enumerate(p):
-            for j, v in enumerate(q):
-                if u != 0 and v != 0:
-                    total += self.x.value(u) * self.y.value(v) * moment(i, j)
-        return total
+        return moment
 
     def _tails_times_segments(self, a: PiecewiseForm, b: PiecewiseForm) -> ca.SX:
         total = ca.SX(0)
         for kink in a.kinks:
-            tail = self.tails.setdefault(kink.position, _Tail(self, kink.position))
+            tail = self.tail(kink.position)
             changes = _coefficients(kink.terms)
             for segment in b.segments:
                 value = ca.SX(0)
@@ -111,7 +116,12 @@ class Pair:
                 total += self.y.inside(segment, value)
         return total
 
-    def _corner(self, k: sp.Expr, l: sp.Expr) -> _Corner:
+    def tail(self, k: sp.Expr) -> _Tail:
+        """(x - k)^i beyond a kink, times powers of y."""
+        return self.tails.setdefault(k, _Tail(self, k))
+
+    def corner(self, k: sp.Expr, l: sp.Expr) -> _Corner:
+        """Beyond a kink of x and one of y."""
         if (k, l) not in self.corners:
             self.corners[k, l] = _Corner(self, k, l)
         return self.corners[k, l]
@@ -212,15 +222,20 @@ class _Corner:
 
 
 def _at(pair: Pair, k: sp.Expr, l: sp.Expr, j: int) -> ca.SX:
-    """E[delta(x - k) t_j(y)], t_j the tail at l as seen from the unconditional mean of y."""
-    given = pair.given(k)
-    h = given.m - given.value(l)
-    whole = [ca.SX(1), h]
+    """E[delta(x - k) t_j(y)], t_j the tail at l as seen from the unconditional mean of y.
+
+    Of y - l, given x, the mean is taken in standard deviations, as in the orthant probability: at correlation one, where both
+    kinks are one, the two must agree to the last bit on which side of the other each is.
+    """
+    x, y = pair.x, pair.y
+    phi, u = x.density(k)
+    w = (y.m - y.value(l)) / y.s
+    given = Gaussian(y.s * (w - pair.rho * u), y.v * one_minus_square(pair.rho), y.env)
+    whole = [ca.SX(1), given.m]
     for n in range(2, j + 1):
-        whole.append(h * whole[n - 1] + (n - 1) * given.p * whole[n - 2])
-    shift = ca.if_else(h >= 0, 1, 0) - ca.if_else(pair.y.m >= pair.y.value(l), 1, 0)
-    phi, _ = pair.x.density(k)
-    return phi / pair.x.s * (given.tail_moment(l, j) + shift * whole[j])
+        whole.append(given.m * whole[n - 1] + (n - 1) * given.p * whole[n - 2])
+    shift = ca.if_else(given.m >= 0, 1, 0) - ca.if_else(w >= 0, 1, 0)
+    return phi / x.s * (given.tail_moment(sp.S.Zero, j) + shift * whole[j])
 
 
 def _derivative(form: PiecewiseForm, order: int) -> PiecewiseForm:
