@@ -7,6 +7,7 @@ normal distribution. What is left is integrated over one argument, given which t
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -35,6 +36,7 @@ class Product:
     coefficient: sp.Expr
     powers: tuple[int, ...]
     functions: tuple[tuple[int, Univariate], ...]  # (index of the argument, function of it); at most two
+    written_out: bool = False  # scalar operations alone, however many kinks of measured curves meet
 
     @property
     def nodes(self) -> int:
@@ -45,6 +47,13 @@ class Product:
     def error(self) -> float:
         """Estimated relative error; 0 in closed form."""
         return max((function.error for _, function in self.functions), default=0.0)
+
+    @property
+    def pairs(self) -> int:
+        """Pairs of kinks, where one of two functions is a measured curve."""
+        if len(self.functions) < 2 or not any(function.tables for _, function in self.functions):
+            return 0
+        return math.prod(len(f.closed.kinks) + sum(len(table.knots) for table in f.tables) for _, f in self.functions)
 
     def kinks(self) -> Iterator[tuple[int, sp.Expr]]:
         """Arguments and positions of kinks."""
@@ -252,7 +261,8 @@ def _product(term: _Term, arguments: tuple[sp.Symbol, ...], where: str, wish: Wi
     )
     if len(term.functions) > 2:
         return whole
-    if len(term.functions) == 2 and any(f.has(Lookup) for _, f in term.functions):
+    curved = any(f.has(Lookup) for _, f in term.functions)
+    if len(term.functions) == 2 and curved and any(term.powers):  # would take E[f' g']
         return whole
     functions = tuple((i, univariate(f, arguments[i], where, wish)) for i, f in term.functions)
     if len(functions) == 2 and not all(f.is_piecewise_polynomial for _, f in functions):

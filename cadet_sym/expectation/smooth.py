@@ -15,6 +15,7 @@ from cadet_sym.expectation.planar import INNER, OUTER, REACH, Layout, Moments, N
 from cadet_sym.expectation.quadrature import NumpyAlgebra, Wish
 from cadet_sym.expectation.steep import steep_places
 from cadet_sym.language.numeric import evaluate
+from cadet_sym.language.vocabulary import Lookup
 
 STEPS = (0.29, 0.27, 0.25, 0.22, 0.18)
 FINEST, FARTHEST = 0.14, 7.8  # step and reach of the reference
@@ -32,7 +33,7 @@ SHAPES = (  # ratio of the standard deviations, correlation, means in standard d
 
 def planar(arguments: tuple[sp.Symbol, ...], used: tuple[int, ...], body: sp.Expr, wish: Wish) -> Planar | None:
     """The function, if it is smooth in two arguments, has no closed form in either, and is integrated well enough so."""
-    if len(used) != 2 or wish.plain or any(has_kinks(body, arguments[i]) for i in used):
+    if len(used) != 2 or wish.plain or body.has(Lookup) or any(has_kinks(body, arguments[i]) for i in used):
         return None
     if any(decompose(body, arguments[i]) is not None or body.has(sp.erf) for i in used):
         return None

@@ -71,9 +71,9 @@ class Univariate:
 
     @property
     def is_piecewise_polynomial(self) -> bool:
-        """Whether f is made of polynomials between kinks, tables apart."""
+        """Whether f is made of polynomials between kinks; tables always are."""
         terms = [t for part in (*self.closed.segments, *self.closed.kinks) for t in part.terms]
-        return not (self.tables or self.error_functions or self.integrals) and all(t.is_polynomial for t in terms)
+        return not (self.error_functions or self.integrals) and all(t.is_polynomial for t in terms)
 
 
 def univariate(body: sp.Expr, z: sp.Symbol, where: str, wish: Wish) -> Univariate:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -102,11 +103,16 @@ def travelled(curve: Lookup) -> sp.Expr:
     return pieced(parts, knots, z)
 
 
+@lru_cache(maxsize=32)
+def _in_doubles(curve: Lookup) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and polynomials: from rationals a slow way for a quadrature that asks a thousand times."""
+    return np.array([float(k) for k in curve.knots]), np.array([[float(c) for c in piece] for piece in coefficients(curve)])
+
+
 def curve_values(curve: Lookup, z: Any) -> np.ndarray:
     """Values of the curve at numbers."""
     z = np.asarray(z, float)
-    knots = np.array([float(k) for k in curve.knots])
-    pieces = np.array([[float(c) for c in piece] for piece in coefficients(curve)])
+    knots, pieces = _in_doubles(curve)
     at = np.clip(z, knots[0], knots[-1]) if curve.outside == "hold" else z
     k = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, len(knots) - 2)
     value = np.zeros_like(at)

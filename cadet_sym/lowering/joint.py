@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import casadi as ca
 import sympy as sp
@@ -12,6 +13,7 @@ from cadet_sym.expectation.conditional import Product
 from cadet_sym.expectation.describing import DescribingFunction
 from cadet_sym.expectation.nested import Nested
 from cadet_sym.expectation.planar import Planar
+from cadet_sym.lowering.columns import curves
 from cadet_sym.lowering.gaussian import Gaussian
 from cadet_sym.lowering.nested import nested_moments
 from cadet_sym.lowering.pair import Pair
@@ -122,7 +124,15 @@ class _ProductMoments:
             ((i, f),) = functions
             return self.joint.marginal(i).expectation(f, orders[0])
         (i, f), (j, g) = functions
-        return self.joint.pair(i, j).expectation(f, g, (orders[0], orders[1]))
+        both = orders[0], orders[1]
+        value = self.joint.pair(i, j).expectation(f, g, both)
+        return value + self.curves[both] if f.tables or g.tables else value
+
+    @cached_property
+    def curves(self) -> dict[tuple[int, int], ca.SX]:
+        """What measured curves in two functions add, by the orders of the derivatives."""
+        (i, f), (j, g) = self.product.functions
+        return curves(self.joint.pair(i, j), f, g, written_out=self.product.written_out)
 
 
 def _less(numbers: tuple[int, ...], at: int) -> tuple[int, ...]:

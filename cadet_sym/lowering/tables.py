@@ -39,15 +39,26 @@ def _derivatives(rows: tuple[tuple[float, ...], ...], order: int) -> np.ndarray:
     return coefficients
 
 
+def polynomial_at(table: Table, mean: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Centre and coefficients of the polynomial around the mean."""
+    here = _here(table, mean)
+    return ca.dot(here, ca.DM(table.centres)), ca.mtimes(ca.DM(table.segments).T, here)
+
+
+def _here(table: Table, mean: ca.SX) -> ca.SX:
+    """One for the interval in which the mean is, zero for all others."""
+    if not table.knots:
+        return ca.SX(1)
+    above = mean >= ca.DM(table.knots)
+    return ca.vertcat(1, above) * ca.vertcat(1 - above, 1)
+
+
 def _segments(table: Table, mean: ca.SX, p: ca.SX, order: int) -> ca.SX:
     """E of the polynomial around the mean, as if it held everywhere."""
     coefficients = _derivatives(table.segments, order)
     if coefficients.shape[1] == 0:
         return ca.SX(0)
-    here = ca.SX(1)
-    if table.knots:
-        above = mean >= ca.DM(table.knots)
-        here = ca.vertcat(1, above) * ca.vertcat(1 - above, 1)
+    here = _here(table, mean)
     h = mean - ca.DM(table.centres)
     # where the mean is not, the distance is taken as zero: a number far too large must not come in times zero
     h = ca.if_else(here > 0, h, 0)
