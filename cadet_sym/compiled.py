@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -16,12 +17,13 @@ from cadet_sym.compilation import Compiled, from_file, from_model
 from cadet_sym.errors import ModelError, SolverError
 from cadet_sym.lowering.facts import Declaration
 from cadet_sym.lowering.functions import MomentFunctions
+from cadet_sym.memory import Memory
 from cadet_sym.packing import Packing
 from cadet_sym.results import MomentHistory, PeriodicMoments, Provenance, StationaryMoments, StationarySolutions
 from cadet_sym.solve.breakpoints import find_breakpoints
-from cadet_sym.solve.evaluate import outputs_over
+from cadet_sym.solve.evaluate import outputs_over, results_over
 from cadet_sym.solve.start import profile_mean
-from cadet_sym.solve.transient import Start, Trajectory, check_times, integrate
+from cadet_sym.solve.transient import Start, Trajectory, check_times, integrate, plan
 from cadet_sym.solve.wheels import present_error
 
 if TYPE_CHECKING:
@@ -136,7 +138,8 @@ class CompiledModel:
                 raise ModelError(f"`{name}` is not a parameter with a number of its own; those are: {known}.")
         if any(name in self.functions.facts.integrated for name in values or {}):
             self._validity.include(values or {})
-        return np.array([float({**declared, **(values or {})}[name]) for name in self.parameters])
+        known = {**declared, **values} if values else declared
+        return np.array([float(known[name]) for name in self.parameters])
 
     def initial(self, parameters: Mapping[str, float] | None = None) -> Array:
         """The packed moments at t = 0.
@@ -146,29 +149,35 @@ class CompiledModel:
         ModelError
             If the ground has no stationary state to start from, or the covariance is not positive semidefinite.
         """
-        p = self.parameter_vector(parameters)
+        return self._initial(self.parameter_vector(parameters)[None])[0]
+
+    def _initial(self, p: Array) -> Array:
+        """The packed moments (k, size) at t = 0 for parameters (k, count)."""
         facts = self.functions.facts
         if facts.whole:
             from cadet_sym.solve.steady import steady_start
 
-            return steady_start(self.functions, p)
+            return np.array([steady_start(self.functions, each) for each in p])
         if facts.filters and not facts.smooth:
             self._refuse_drifting_ground(p)
-        y = np.asarray(self.functions.initial(p)).ravel()
-        y[: self.packing.n] += profile_mean(self.functions, p)
+        (y,) = results_over(self.functions.initial, p)
+        y[:, : self.packing.n] += [profile_mean(self.functions, each) for each in p]
         _, covariance = self.packing.unpack(y)
-        lowest = float(np.linalg.eigvalsh(covariance)[0]) if len(covariance) else 0.0
-        if not lowest >= -1e-9 * max(float(np.trace(covariance)), 1e-300):
+        lowest = np.linalg.eigvalsh(covariance)[:, 0] if self.packing.n else np.zeros(len(p))
+        good = lowest >= -1e-9 * np.maximum(np.einsum("kii->k", covariance), 1e-300)
+        if not good.all():
             raise ModelError(
                 f"[initial]: the covariance at the start is not positive semidefinite (smallest eigenvalue "
-                f"{lowest:.3g}); check [initial.covariance]: |cov(a, b)| may not exceed std(a) std(b)."
+                f"{lowest[~good][0]:.3g}); check [initial.covariance]: |cov(a, b)| may not exceed std(a) std(b)."
             )
         return y
 
     def _refuse_drifting_ground(self, p: Array) -> None:
-        matrices = self.functions.filters.call([p])
-        for place, C in zip(self.functions.facts.filters, map(np.asarray, matrices), strict=True):
-            if np.linalg.eigvals(C).real.max(initial=-1.0) > -1e-12 * np.abs(C).max(initial=1e-300):
+        matrices = results_over(self.functions.filters, p)
+        for place, entries in zip(self.functions.facts.filters, matrices, strict=True):
+            C = entries.reshape(len(p), place.size, place.size).transpose(0, 2, 1)
+            decay = np.linalg.eigvals(C).real.max(axis=1, initial=-1.0)
+            if (decay > -1e-12 * np.abs(entries).max(axis=1, initial=1e-300)).any():
                 raise ModelError(
                     f'[initial] ground = "stationary": the ground under `{place.contact}` has no stationary height '
                     '(an integrated road wanders without bound). Start with `ground = "smooth"`, or give the road a '
@@ -205,19 +214,14 @@ class CompiledModel:
         SolverError
             If the integration fails; says when, where, and what was reached. `partial` is the history up to there.
         """
-        run = self.declaration
-        if times is None:
-            end = run.duration if duration is None else duration
-            grid = _even_times(float(end), run.points if points is None else points)
-        else:
-            grid = check_times(times)
+        grid = self._grid(times, duration, points)
         start = self._start(self.parameter_vector(parameters), float(grid[-1]))
         try:
             trajectory = integrate(
                 self.functions,
                 start,
                 grid,
-                rtol=run.rtol if rtol is None else rtol,
+                rtol=self.declaration.rtol if rtol is None else rtol,
                 engine=engine,
                 declared=(lambda: self._start(self.parameter_vector(), float(grid[-1]))) if parameters else None,
             )
@@ -323,17 +327,30 @@ class CompiledModel:
 
     def _start(self, p: Array, duration: float) -> Start:
         """Moments at the start and known breakpoints, remembered for the parameters last used."""
-        kept, key = self._starts, (p.tobytes(), duration)
-        if key not in kept:
-            if len(kept) >= 64:
-                kept.clear()
-            values = dict(zip(self.parameters, p.tolist(), strict=True))
-            kept[key] = Start(self.initial(values), p, self.breakpoints(p, duration))
-        return kept[key]
+        return _starts(
+            self, (p.tobytes(), duration), lambda: Start(self._initial(p[None])[0], p, self.breakpoints(p, duration))
+        )
 
-    @cached_property
-    def _starts(self) -> dict[tuple[bytes, float], Start]:
-        return {}
+    def prepare(self, parameters: Sequence[Mapping[str, float]], **run: Any) -> None:
+        """Get ready for runs of `propagate` that differ in their parameters, together in less time than one by one.
+
+        Nothing depends on it but the time that they take; what is wrong with one of them is said when it runs.
+        """
+        with contextlib.suppress(Exception):
+            grid = self._grid(run.get("times"), run.get("duration"), run.get("points"))
+            end = float(grid[-1])
+            vectors = np.array([self.parameter_vector(each) for each in parameters])
+            for p, y in zip(vectors, self._initial(vectors), strict=True):
+                _starts.keep(self, (p.tobytes(), end), Start(y, p, self.breakpoints(p, end)))
+            starts = [self._start(p, end) for p in vectors]
+            plan(self.functions, starts, grid, run.get("engine", "auto"), lambda: self._start(self.parameter_vector(), end))
+
+    def _grid(self, times: npt.ArrayLike | None, duration: float | None, points: int | None) -> Array:
+        """The output times of a run."""
+        if times is not None:
+            return check_times(times)
+        end = self.declaration.duration if duration is None else duration
+        return _even_times(float(end), self.declaration.points if points is None else points)
 
     def frozen(
         self,
@@ -507,6 +524,8 @@ class CompiledModel:
     def _history(self, trajectory: Trajectory, p: Array, more: Mapping[str, float]) -> MomentHistory:
         mean, covariance = self.packing.unpack(trajectory.y)
         output_mean, output_variance = outputs_over(self.functions, trajectory.time, trajectory.y, p)
+        for array in (mean, covariance, output_mean, output_variance):
+            array.setflags(write=False)  # they are no one else's, and need not be copied
         return MomentHistory(
             model=self.declaration.name,
             states=self.states,
@@ -519,6 +538,9 @@ class CompiledModel:
             provenance=self.provenance(trajectory.engine, trajectory.rtol, {**trajectory.statistics, **more}, p),
             derivatives=self.gradient,
         )
+
+
+_starts: Memory[Start] = Memory(128)
 
 
 @lru_cache(maxsize=16)

@@ -15,7 +15,7 @@ T = TypeVar("T")
 
 
 class Memory(Generic[T]):
-    """What was found for an owner and a key; of so many keys of one owner that all are forgotten, only the last."""
+    """What was found for an owner and a key; where there are too many keys of one owner, the oldest quarter is forgotten."""
 
     def __init__(self, most: int = 256) -> None:
         self._most = most
@@ -31,7 +31,17 @@ class Memory(Generic[T]):
         except KeyError:
             pass
         found = find()
-        if len(kept) >= self._most:
-            kept.clear()
-        kept[key] = found
+        self.keep(owner, key, found)
         return found
+
+    def knows(self, owner: Any, key: Hashable) -> bool:
+        """Whether something is known for the key."""
+        return key in self._kept.get(owner, ())
+
+    def keep(self, owner: Any, key: Hashable, found: T) -> None:
+        """Remember what was found elsewhere."""
+        kept = self._kept.setdefault(owner, {})
+        if len(kept) >= self._most:
+            for old in list(kept)[: self._most // 4 + 1]:
+                kept.pop(old, None)
+        kept[key] = found

@@ -460,8 +460,10 @@ def coordinates(states: Sequence[str], outputs: Sequence[str]) -> dict[str, Any]
 
 
 def freeze(record: Any, name: str, shape: tuple[int, ...]) -> None:
-    """Make an array of a record floats of the shape asked for, read-only."""
-    array = np.array(getattr(record, name), dtype=float)
+    """Make an array of a record floats of the shape asked for, read-only: a copy, unless it can be written by nobody."""
+    array = getattr(record, name)
+    if not isinstance(array, np.ndarray) or array.dtype != np.float64 or array.flags.writeable or array.base is not None:
+        array = np.array(array, dtype=float)
     if array.shape != shape:
         kind = type(record).__name__
         raise ValueError(f"{name} of {kind} has shape {array.shape}; its names ask for {shape}")

@@ -2,6 +2,9 @@
 
 Every point is a run of its own from declared starts: results are the same bit for bit, whoever computes them and in
 whatever order. A point that fails is kept as such, with its message; the others are not touched by it.
+
+Runs in machine code leave Python's lock to others: threads share them out among the cores at once. Other runs need other
+processes, which take seconds to start.
 """
 
 from __future__ import annotations
@@ -12,6 +15,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, Literal
@@ -23,7 +27,10 @@ from cadet_sym.compiled import CompiledModel, compile
 from cadet_sym.errors import ModelError, SolverError
 from cadet_sym.language.model import Model
 from cadet_sym.language.modelfile import load
+from cadet_sym.memory import Memory
 from cadet_sym.results import MomentHistory
+from cadet_sym.solve.native import Native
+from cadet_sym.solve.stiff import Stiff
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -41,7 +48,13 @@ START_UP = 6.0
 """... and seconds of that which other processes are worth: each imports and reads the model for one or two."""
 
 CHUNK = 25
-"""Points handed over at once, at most."""
+"""Points handed over at once, at most ..."""
+
+PREPARED = 48
+"""... and points got ready for threads at a time."""
+
+SWITCH = 2e-4
+"""Seconds after which a thread that holds Python's lock is asked for it: some runs take no longer."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,8 +122,9 @@ def sweep(
     ----------
     values : values by parameter. A grid is their product, the last varying fastest; samples stand side by side.
     executor : anything with the `submit` of `concurrent.futures`: a Dask client's or MPI's executor spreads the sweep
-        over many machines. By default this process, and others on this machine if there are seconds of work left;
-        `workers` asks for so many at once.
+        over many machines. By default threads where runs are machine code, or this process, and others on this machine
+        if there are seconds of work left.
+    workers : so many threads, or processes, at once.
     progress : show a bar on standard error; by default if that is a terminal.
     run : arguments of `CompiledModel.propagate` (times, duration, points, rtol, engine).
 
@@ -121,10 +135,10 @@ def sweep(
     """
     model = model if isinstance(model, Model) else load(model)
     names, points, axes = _points(values, kind)
-    compiled = _compiled(model)
+    task = _Task(model, names, run)
     for row in points[:1]:
-        compiled.parameter_vector(dict(zip(names, row.tolist(), strict=True)))
-    pairs = _results(_Task(model, names, run), points, executor, workers)
+        task.compiled.parameter_vector(dict(zip(names, row.tolist(), strict=True)))
+    pairs = _results(task, points, executor, workers)
     results = dict(_shown(pairs, len(points), progress))
     histories = [results[i] for i in range(len(points))]
     failures = {i: each for i, each in enumerate(histories) if isinstance(each, str)}
@@ -146,17 +160,12 @@ def _points(values: Mapping[str, Sequence[float]], kind: str) -> tuple[tuple[str
     return names, np.column_stack(columns), ()
 
 
-_here: dict[tuple[str, str], CompiledModel] = {}
+_here: Memory[CompiledModel] = Memory(4)
 
 
 def _compiled(model: Model) -> CompiledModel:
-    """Compiled once in each process."""
-    key = model.name, model.content(numbers=True)
-    if key not in _here:
-        if len(_here) > 3:
-            _here.clear()
-        _here[key] = compile(model)
-    return _here[key]
+    """Compiled once in each process, to which copies of a model may come."""
+    return _here(compile, (model.name, model.content(numbers=True)), lambda: compile(model))
 
 
 @dataclass(frozen=True)
@@ -167,53 +176,82 @@ class _Task:
     names: Sequence[str]
     run: Mapping[str, Any]
 
-    def at(self, row: Array) -> MomentHistory | str:
-        """One point, in whatever process; a numerical failure comes back as its message."""
-        try:
-            return _compiled(self.model).propagate(
-                parameters=dict(zip(self.names, row.tolist(), strict=True)), **self.run
-            )
-        except (SolverError, ArithmeticError) as error:
-            return f"{', '.join(f'{n} = {v:g}' for n, v in zip(self.names, row, strict=True))}: {error}"
+    @cached_property
+    def compiled(self) -> CompiledModel:
+        """The model, compiled."""
+        return _compiled(self.model)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What is sent to another process, which compiles for itself."""
+        return {name: value for name, value in self.__dict__.items() if name != "compiled"}
 
     def some(self, rows: Sequence[tuple[int, Array]]) -> list[tuple[int, MomentHistory | str]]:
-        """Several points."""
-        return [(i, self.at(row)) for i, row in rows]
+        """Several points, in whatever process; a numerical failure comes back as its message."""
+        values = [dict(zip(self.names, row.tolist(), strict=True)) for _, row in rows]
+        if len(rows) > 1:
+            self.compiled.prepare(values, **self.run)
+        return [(i, self._at(each)) for (i, _), each in zip(rows, values, strict=True)]
+
+    def _at(self, values: Mapping[str, float]) -> MomentHistory | str:
+        try:
+            return self.compiled.propagate(parameters=values, **self.run)
+        except (SolverError, ArithmeticError) as error:
+            return f"{', '.join(f'{name} = {value:g}' for name, value in values.items())}: {error}"
 
 
 def _results(
     task: _Task, points: Array, executor: Any, workers: int | None
 ) -> Iterator[tuple[int, MomentHistory | str]]:
     """The points' results with their numbers, as they come: here while that is soon done, then wherever there is room."""
-    waiting = list(enumerate(points))
-    if executor is None and (workers is None or workers == 1 or len(points) < 2):
+    waiting, most, threads = list(enumerate(points)), workers or os.cpu_count() or 1, False
+    if executor is None:
         began = perf_counter()
-        while waiting:
-            i, row = waiting.pop(0)
-            yield i, task.at(row)
-            spent = perf_counter() - began
-            if workers is None and spent > TRIAL and spent / (i + 1) * len(waiting) > START_UP:
+        ((_, first),) = pairs = task.some(waiting[:1])  # with it, all is there that threads are to share
+        waiting = waiting[1:]
+        yield from pairs
+        threads = most > 1 and _leaves_the_lock(task.compiled, first)
+        while waiting and not threads and workers in (None, 1):
+            spent, done = perf_counter() - began, len(points) - len(waiting)
+            if workers is None and spent > TRIAL and spent / done * len(waiting) > START_UP:
                 break
+            length = max(1, min(PREPARED, int(TRIAL * done / spent)))
+            some, waiting = waiting[:length], waiting[length:]
+            yield from task.some(some)
     if not waiting:
         return
-    with _pool(executor, workers) as pool:
-        length = max(1, min(CHUNK, len(waiting) // (4 * (workers or os.cpu_count() or 1))))
+    with _pool(executor, workers, most if threads else 0) as pool:
+        length = max(1, min(PREPARED // most if threads else CHUNK, len(waiting) // (4 * most)))
         chunks = [waiting[k : k + length] for k in range(0, len(waiting), length)]
         for future in _completed([pool.submit(task.some, chunk) for chunk in chunks]):
             yield from future.result()
 
 
+def _leaves_the_lock(compiled: CompiledModel, run: MomentHistory | str) -> bool:
+    """Whether runs like this one leave Python's lock to other threads, and nothing that they share is changed."""
+    machine = isinstance(run, MomentHistory) and run.provenance.engine in (Native.name, Stiff.name)
+    return machine and not compiled.functions.facts.whole
+
+
 @contextmanager
-def _pool(executor: Any, workers: int | None) -> Iterator[Any]:
-    """The executor handed in, left open; or processes of our own, started afresh so that no lock is inherited."""
+def _pool(executor: Any, workers: int | None, threads: int) -> Iterator[Any]:
+    """The executor handed in, left open; threads; or processes of our own, started afresh so that no lock is inherited."""
+    from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+
     if executor is not None:
         yield executor
-        return
-    from concurrent.futures import ProcessPoolExecutor
-    from multiprocessing import get_context
+    elif threads:
+        before = sys.getswitchinterval()
+        sys.setswitchinterval(min(before, SWITCH))
+        try:
+            with ThreadPoolExecutor(threads) as pool:
+                yield pool
+        finally:
+            sys.setswitchinterval(before)
+    else:
+        from multiprocessing import get_context
 
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        yield pool
+        with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+            yield pool
 
 
 def _completed(waiting: Sequence[Any]) -> Iterator[Any]:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
+import sys
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
 
 import numpy as np
 import pytest
+from conftest import ROOT
 from reference_models import toml
 
 import cadet_sym as cs
 from cadet_sym.errors import ModelError
+from cadet_sym.solve.native import Native
 from cadet_sym.sweeps import sweep
 
 MODEL = """
@@ -31,7 +35,8 @@ points = 6
 def test_a_grid_in_processes_gives_the_serial_numbers_bit_for_bit():
     values = {"k": [2.0, 4.0, 9.0], "e": [0.0, 0.5]}
     serial = sweep(toml(MODEL), values, workers=1)
-    parallel = sweep(toml(MODEL), values, workers=2)
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as executor:
+        parallel = sweep(toml(MODEL), values, executor=executor)
     reversed_ = sweep(toml(MODEL), {name: list(v)[::-1] for name, v in values.items()}, workers=1)
     for i, history in enumerate(serial.histories):
         assert history is not None
@@ -42,6 +47,60 @@ def test_a_grid_in_processes_gives_the_serial_numbers_bit_for_bit():
     assert data["covariance"].dims == ("k", "e", "time", "state", "state_2")
     alone = cs.compile(toml(MODEL)).propagate(parameters={"k": 9.0, "e": 0.5})
     np.testing.assert_array_equal(data["mean"].sel(k=9.0, e=0.5), alone.state_mean)
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "engine"),
+    [
+        ("oleo_acceleration", {"zeta": np.linspace(0.01, 0.2, 40)}, Native.name),
+        ("quarter_car_linear", {"c_s": np.linspace(500.0, 2500.0, 60)}, Native.name),
+        ("half_car", {"c": np.linspace(1000.0, 2000.0, 9)}, Native.name),
+    ],
+)
+def test_many_threads_give_the_serial_numbers_bit_for_bit(name, values, engine):
+    model = cs.load(ROOT / "models" / f"{name}.toml")
+    run = {"rtol": 1e-6, "points": 41, "progress": False}
+    before = sys.getswitchinterval(), sys.stdout
+    compiled = cs.compile(model)
+    (parameter, column), *_ = values.items()
+    alone = [compiled.propagate(parameters={parameter: x}, rtol=1e-6, points=41) for x in column]
+    assert alone[0].provenance.engine == engine
+    found = sweep(model, values, workers=8, **run)
+    assert (sys.getswitchinterval(), sys.stdout) == before
+    for one, other in zip(alone, found.histories, strict=True):
+        assert other is not None
+        assert other.derivatives is not None  # it never left this process
+        for moment in ("state_mean", "state_covariance", "output_mean", "output_variance"):
+            np.testing.assert_array_equal(getattr(other, moment), getattr(one, moment))
+        assert other.provenance.parameters == one.provenance.parameters
+
+
+def test_threads_keep_each_to_its_own_engine_and_failure():
+    """Some points are stiff, some overflow, and go through SUNDIALS, whose output is caught from the whole process."""
+    model = toml(MODEL.replace("0.4*v", "d*v").replace("e = 0.1", "e = 0.1\nd = 0.4"))
+    values, before = {"d": [0.4, 1e5, 0.4, 0.5, 2e5], "e": [0.1, 0.1, -50.0, 0.1, 0.1]}, sys.stdout
+    serial = sweep(model, values, kind="samples", workers=1, progress=False)
+    threads = sweep(model, values, kind="samples", workers=4, progress=False)
+    assert serial.failures == threads.failures
+    assert list(serial.failures) == [2]
+    assert len({each.provenance.engine for each in serial.histories if each is not None}) > 1
+    for one, other in zip(serial.histories, threads.histories, strict=True):
+        assert (one is None) == (other is None)
+        if one is not None and other is not None:
+            assert one.provenance.engine == other.provenance.engine
+            np.testing.assert_array_equal(one.state_covariance, other.state_covariance)
+    assert sys.stdout is before
+
+
+def test_points_got_ready_together_are_those_got_ready_alone():
+    values = [{"k": k, "e": e} for k in (2.0, 9.0, 400.0) for e in (0.0, 0.5)]
+    together, alone = (cs.compile(toml(MODEL)) for _ in range(2))
+    together.prepare(values)
+    together.prepare([{"k": float("nan")}, {"q": 1.0}])  # said when it runs
+    for each in values:
+        one, other = (compiled.propagate(parameters=each) for compiled in (together, alone))
+        assert one.provenance.engine == other.provenance.engine
+        np.testing.assert_array_equal(one.state_covariance, other.state_covariance)
 
 
 def test_samples_and_an_executor_of_ones_own():

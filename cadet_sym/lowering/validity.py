@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Mapping
+from threading import Lock
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,10 +31,15 @@ class Validity:
         self._functions = functions
         self._low = {name: declared[name] for name in functions.facts.integrated}
         self._high = dict(self._low)
+        self._lock = Lock()
 
     def include(self, values: Mapping[str, float]) -> None:
         """Warn if a quadrature is not accurate enough for these numbers; what lies between numbers seen is not looked at."""
         own = {name: float(value) for name, value in values.items() if name in self._low}
+        with self._lock:
+            self._look_at(own, values)
+
+    def _look_at(self, own: Mapping[str, float], values: Mapping[str, float]) -> None:
         if all(self._low[name] <= value <= self._high[name] for name, value in own.items()):
             return
         for name, value in own.items():
@@ -48,7 +54,7 @@ class Validity:
                     f"the element `{df.name}`: with {listed} its quadrature is accurate to {error:.0e} only, for its order was "
                     "chosen for the declared numbers; compile the model with these (`model.with_parameters`, `--set`)",
                     ExpectationWarning,
-                    stacklevel=4,
+                    stacklevel=5,
                 )
 
 

@@ -7,13 +7,14 @@ import numpy.typing as npt
 
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.solve.course import Start, edges
-from cadet_sym.solve.evaluate import Gains
+from cadet_sym.solve.evaluate import gains_over
 from cadet_sym.solve.native import has_machine_code
 from cadet_sym.solve.stiff import MANY_STATES
 
-__all__ = ["choose", "compiles", "modes"]
+__all__ = ["Modes", "choose", "compiles", "modes"]
 
 Array = npt.NDArray[np.float64]
+Modes = npt.NDArray[np.complex128]
 
 SMALL = 100
 """Packed moments up to which CasADi's CVODES with its direct solver is the fastest (12 states) ..."""
@@ -43,14 +44,13 @@ SWINGING = 20_000.0
 """... and largest frequency: what swings and hardly decays keeps the steps of implicit formulas short as well."""
 
 
-def choose(lowered: MomentFunctions, start: Start, grid: Array, along: Array) -> str:
-    """The engine for a run, of which the moments are known roughly, `along` (k, size).
+def choose(lowered: MomentFunctions, start: Start, grid: Array, found: Modes) -> str:
+    """The engine for a run, of which the modes are known.
 
     Machine code where there is any: explicit while steps are limited by accuracy, for the frequencies of P are sums of two
     of N's. Else CVODES, direct while small.
     """
     packing, delayed = lowered.facts.packing, lowered.facts.delay is not None
-    found = modes(lowered, start, float(grid[-1]), along)
     fastest = np.abs(found).max(initial=0.0)
     if fastest <= (QUICK_DELAYED if delayed else QUICK) and compiles(lowered, start, "native"):
         return "native"
@@ -75,10 +75,22 @@ def compiles(lowered: MomentFunctions, start: Start, engine: str) -> bool:
     return facts.delay is None and facts.packing.n <= MANY_STATES and lowered.machine("rate") is not None
 
 
-def modes(lowered: MomentFunctions, start: Start, duration: float, along: Array) -> npt.NDArray[np.complex128]:
-    """Eigenvalues of the covariance's rate over a run's length, from N at even times with the moments `along`; or NaN."""
-    times, gains = np.linspace(0, duration, len(along)), Gains(lowered, start.p)
-    matrices = np.array([gains(t, y) for t, y in zip(times, along, strict=True)])
-    if not np.isfinite(matrices).all():
-        return np.array([complex(np.nan)])
-    return np.asarray(2 * duration * np.linalg.eigvals(matrices), dtype=complex)
+def modes(lowered: MomentFunctions, p: Array, duration: float, along: Array) -> Modes:
+    """Eigenvalues of the covariance's rate over a run's length, from N at even times with the moments `along`; or NaN.
+
+    Parameters
+    ----------
+    p : (k, count) parameters of k runs.
+    along : (m, size) packed moments that are known roughly.
+
+    Returns
+    -------
+    (k, m n)
+    """
+    runs, m = len(p), len(along)
+    times = duration * np.arange(m) / max(m - 1, 1)
+    N = gains_over(lowered, np.tile(times, runs), np.tile(along, (runs, 1)), np.repeat(p, m, axis=0)).reshape(runs, -1)
+    known = np.asarray(np.isfinite(N).all(axis=1))
+    matrices = np.where(known[:, None], N, 0.0).reshape(runs * m, lowered.facts.packing.n, -1)
+    found = (2 * duration * np.linalg.eigvals(matrices)).reshape(runs, -1)
+    return np.where(known[:, None], found, complex(np.nan))

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
+from threading import RLock
 from typing import Protocol
 
 import numpy as np
@@ -43,7 +45,7 @@ class Trajectory:
     statistics: Mapping[str, float] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Start:
     """Where a run starts and what it meets: packed moments at t = 0, parameters, times of known breakpoints."""
 
@@ -134,14 +136,23 @@ def _engine(lowered: MomentFunctions, p: Array, kind: str, tolerance: Tolerance)
 def _advance(engine: Engine, begin: float, y: Array, stretch: Array) -> Array:
     """One stretch; what the engine gives up, scikit-sundae's CVODE goes through, or it is said how far it came."""
     try:
-        return engine.advance(begin, y, stretch)
+        return _alone(engine, begin, y, stretch)
     except Breakdown as first:
         if not isinstance(engine, Direct | Native | Stiff):
             raise
         second = Stepping(engine.lowered, engine.p, engine.tolerance, stiff=True, full_newton=True)
         try:
-            return second.advance(begin, y, stretch)
+            return _alone(second, begin, y, stretch)
         except Breakdown:
             if first.found is None:
                 raise
             raise first from None  # who knows to the last step where it was
+
+
+_turns = RLock()
+
+
+def _alone(engine: Engine, begin: float, y: Array, stretch: Array) -> Array:
+    """Threads take turns, except in machine code: what SUNDIALS prints is caught from the whole process."""
+    with nullcontext() if isinstance(engine, Native | Stiff) else _turns:
+        return engine.advance(begin, y, stretch)

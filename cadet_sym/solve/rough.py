@@ -79,8 +79,8 @@ def _first_engine(lowered: MomentFunctions, start: Start, grid: Array, largest: 
     packing, duration = lowered.facts.packing, float(grid[-1])
     wide = start.y.copy()
     wide[: packing.moments] += packing.pack(np.zeros(packing.n), largest * np.eye(packing.n))
-    found = [modes(lowered, start, duration, np.repeat(y[None], 3, axis=0)) for y in (start.y, wide)]
+    found = [modes(lowered, start.p[None], duration, np.repeat(y[None], 3, axis=0))[0] for y in (start.y, wide)]
     fastest = min(float(np.nan_to_num(np.abs(each).max(initial=0.0), nan=np.inf)) for each in found)
     if fastest <= PATIENCE and compiles(lowered, start, "native"):
         return "native"
-    return choose(lowered, start, grid, np.repeat(start.y[None], 3, axis=0))
+    return choose(lowered, start, grid, found[0])

@@ -7,8 +7,9 @@ engine is led through the run from breakpoint to breakpoint (`course`). A step's
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
+from weakref import ref
 
 import numpy as np
 import numpy.typing as npt
@@ -17,16 +18,16 @@ from cadet_sym.errors import ModelError
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.memory import Memory
 from cadet_sym.packing import Packing
-from cadet_sym.solve.choice import choose, compiles
+from cadet_sym.solve.choice import choose, compiles, modes
 from cadet_sym.solve.course import ENGINES, Start, Trajectory, edges, march
 from cadet_sym.solve.definite import lost, warn_of_loss
 from cadet_sym.solve.onset import past_onset
-from cadet_sym.solve.rough import ABSOLUTE, outline
+from cadet_sym.solve.rough import ABSOLUTE, Outline, outline
 from cadet_sym.solve.scales import Tolerance, fits, peaks
 from cadet_sym.solve.sound import is_sound
 from cadet_sym.solve.stiff import MANY_STATES
 
-__all__ = ["ENGINES", "Start", "Trajectory", "check_times", "integrate"]
+__all__ = ["ENGINES", "Start", "Trajectory", "check_times", "integrate", "plan"]
 
 Array = npt.NDArray[np.float64]
 
@@ -114,16 +115,46 @@ def _plan(
     lowered: MomentFunctions, start: Start, grid: Array, engine: str, declared: Callable[[], Start] | None
 ) -> _Plan:
     """The plan of a run, remembered for the next of the same."""
-    end = float(grid[-1])
-    first = float(grid[0]) if grid[0] > 0 or len(grid) == 1 else float(grid[1])
 
     def make() -> _Plan:
-        known = outline(lowered, start, end, declared)
-        kind = engine if engine != "auto" else choose(lowered, start, grid, known.along)
-        return _Plan(replace(start, beyond=past_onset(lowered, start.y, start.p, first)), kind, known.size)
+        known = outline(lowered, start, float(grid[-1]), declared)
+        return _planned(lowered, [start], grid, engine, known)[0]
 
-    begun = start.p.tobytes(), start.y.tobytes(), start.breakpoints
-    return _plans(lowered, (lowered.jit, *begun, first, end, engine, declared is None), make)
+    return _plans(start, _key(lowered, grid, engine, declared is None), make)
+
+
+def _key(lowered: MomentFunctions, grid: Array, engine: str, alone: bool) -> Hashable:
+    return ref(lowered), lowered.jit, *_ends(grid), engine, alone
+
+
+def _ends(grid: Array) -> tuple[float, float]:
+    """The first output time after zero, and the last."""
+    return float(grid[0] if grid[0] > 0 or len(grid) == 1 else grid[1]), float(grid[-1])
+
+
+def _planned(lowered: MomentFunctions, starts: Sequence[Start], grid: Array, engine: str, known: Outline) -> list[_Plan]:
+    """The plans of runs that differ in their parameters."""
+    first, end = _ends(grid)
+    kinds = [engine] * len(starts)
+    if engine == "auto":
+        found = modes(lowered, np.array([start.p for start in starts]), end, known.along)
+        kinds = [choose(lowered, start, grid, each) for start, each in zip(starts, found, strict=True)]
+    return [
+        _Plan(replace(start, beyond=past_onset(lowered, start.y, start.p, first)), kind, known.size)
+        for start, kind in zip(starts, kinds, strict=True)
+    ]
+
+
+def plan(
+    lowered: MomentFunctions, starts: Sequence[Start], grid: Array, engine: str, declared: Callable[[], Start]
+) -> None:
+    """Settle many runs that are to come, all at once, which takes a third of the time; see `integrate`."""
+    key = _key(lowered, grid, engine, alone=False)
+    new = [start for start in starts if not _plans.knows(start, key)]
+    if new:
+        known = outline(lowered, starts[0], float(grid[-1]), declared)
+        for start, each in zip(new, _planned(lowered, new, grid, engine, known), strict=True):
+            _plans.keep(start, key, each)
 
 
 def _tolerance(rtol: float, size: Array, packing: Packing, kind: str) -> Tolerance:
