@@ -23,7 +23,7 @@ from cadet_sym.results import MomentHistory, PeriodicMoments, Provenance, Statio
 from cadet_sym.solve.breakpoints import find_breakpoints
 from cadet_sym.solve.evaluate import outputs_over, results_over
 from cadet_sym.solve.start import profile_mean
-from cadet_sym.solve.transient import Start, Trajectory, check_times, integrate, plan
+from cadet_sym.solve.transient import Start, Trajectory, check_times, integrate, integrate_ahead
 from cadet_sym.solve.wheels import present_error
 
 if TYPE_CHECKING:
@@ -332,7 +332,7 @@ class CompiledModel:
         )
 
     def prepare(self, parameters: Sequence[Mapping[str, float]], **run: Any) -> None:
-        """Get ready for runs of `propagate` that differ in their parameters, together in less time than one by one.
+        """Begin runs of `propagate` that differ in their parameters, together in less time than one by one.
 
         Nothing depends on it but the time that they take; what is wrong with one of them is said when it runs.
         """
@@ -340,10 +340,18 @@ class CompiledModel:
             grid = self._grid(run.get("times"), run.get("duration"), run.get("points"))
             end = float(grid[-1])
             vectors = np.array([self.parameter_vector(each) for each in parameters])
-            for p, y in zip(vectors, self._initial(vectors), strict=True):
+            new = np.array([p for p in vectors if not _starts.knows(self, (p.tobytes(), end))])
+            for p, y in zip(new, self._initial(new) if len(new) else (), strict=True):
                 _starts.keep(self, (p.tobytes(), end), Start(y, p, self.breakpoints(p, end)))
             starts = [self._start(p, end) for p in vectors]
-            plan(self.functions, starts, grid, run.get("engine", "auto"), lambda: self._start(self.parameter_vector(), end))
+            integrate_ahead(
+                self.functions,
+                starts,
+                grid,
+                rtol=run.get("rtol") or self.declaration.rtol,
+                engine=run.get("engine", "auto"),
+                declared=lambda: self._start(self.parameter_vector(), end),
+            )
 
     def _grid(self, times: npt.ArrayLike | None, duration: float | None, points: int | None) -> Array:
         """The output times of a run."""

@@ -29,8 +29,6 @@ from cadet_sym.language.model import Model
 from cadet_sym.language.modelfile import load
 from cadet_sym.memory import Memory
 from cadet_sym.results import MomentHistory
-from cadet_sym.solve.native import Native
-from cadet_sym.solve.stiff import Stiff
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -50,11 +48,8 @@ START_UP = 6.0
 CHUNK = 25
 """Points handed over at once, at most ..."""
 
-PREPARED = 48
-"""... and points got ready for threads at a time."""
-
-SWITCH = 2e-4
-"""Seconds after which a thread that holds Python's lock is asked for it: some runs take no longer."""
+TOGETHER = 12
+"""... and points begun together in one thread, so that it needs Python's lock for a third of the time, and seldom."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,13 +209,13 @@ def _results(
             spent, done = perf_counter() - began, len(points) - len(waiting)
             if workers is None and spent > TRIAL and spent / done * len(waiting) > START_UP:
                 break
-            length = max(1, min(PREPARED, int(TRIAL * done / spent)))
+            length = max(1, min(TOGETHER, int(TRIAL * done / spent)))
             some, waiting = waiting[:length], waiting[length:]
             yield from task.some(some)
     if not waiting:
         return
     with _pool(executor, workers, most if threads else 0) as pool:
-        length = max(1, min(PREPARED // most if threads else CHUNK, len(waiting) // (4 * most)))
+        length = max(1, min(TOGETHER if threads else CHUNK, len(waiting) // (4 * most)))
         chunks = [waiting[k : k + length] for k in range(0, len(waiting), length)]
         for future in _completed([pool.submit(task.some, chunk) for chunk in chunks]):
             yield from future.result()
@@ -228,7 +223,7 @@ def _results(
 
 def _leaves_the_lock(compiled: CompiledModel, run: MomentHistory | str) -> bool:
     """Whether runs like this one leave Python's lock to other threads, and nothing that they share is changed."""
-    machine = isinstance(run, MomentHistory) and run.provenance.engine in (Native.name, Stiff.name)
+    machine = isinstance(run, MomentHistory) and run.provenance.engine.endswith("machine code")
     return machine and not compiled.functions.facts.whole
 
 
@@ -240,13 +235,8 @@ def _pool(executor: Any, workers: int | None, threads: int) -> Iterator[Any]:
     if executor is not None:
         yield executor
     elif threads:
-        before = sys.getswitchinterval()
-        sys.setswitchinterval(min(before, SWITCH))
-        try:
-            with ThreadPoolExecutor(threads) as pool:
-                yield pool
-        finally:
-            sys.setswitchinterval(before)
+        with ThreadPoolExecutor(threads) as pool:
+            yield pool
     else:
         from multiprocessing import get_context
 

@@ -13,7 +13,6 @@ from reference_models import toml
 
 import cadet_sym as cs
 from cadet_sym.errors import ModelError
-from cadet_sym.solve.native import Native
 from cadet_sym.sweeps import sweep
 
 MODEL = """
@@ -50,23 +49,24 @@ def test_a_grid_in_processes_gives_the_serial_numbers_bit_for_bit():
 
 
 @pytest.mark.parametrize(
-    ("name", "values", "engine"),
+    ("name", "values"),
     [
-        ("oleo_acceleration", {"zeta": np.linspace(0.01, 0.2, 40)}, Native.name),
-        ("quarter_car_linear", {"c_s": np.linspace(500.0, 2500.0, 60)}, Native.name),
-        ("half_car", {"c": np.linspace(1000.0, 2000.0, 9)}, Native.name),
+        ("oleo_acceleration", {"zeta": np.linspace(0.01, 0.2, 40)}),
+        ("quarter_car_linear", {"c_s": np.linspace(500.0, 2500.0, 200)}),
+        ("stop_and_go", {"V": np.linspace(10.0, 15.0, 12)}),
+        ("half_car", {"c": np.linspace(1000.0, 2000.0, 9)}),
     ],
 )
-def test_many_threads_give_the_serial_numbers_bit_for_bit(name, values, engine):
+def test_many_threads_give_the_serial_numbers_bit_for_bit(name, values):
     model = cs.load(ROOT / "models" / f"{name}.toml")
     run = {"rtol": 1e-6, "points": 41, "progress": False}
-    before = sys.getswitchinterval(), sys.stdout
+    before = sys.stdout
     compiled = cs.compile(model)
     (parameter, column), *_ = values.items()
     alone = [compiled.propagate(parameters={parameter: x}, rtol=1e-6, points=41) for x in column]
-    assert alone[0].provenance.engine == engine
+    assert alone[0].provenance.engine.endswith("machine code")
     found = sweep(model, values, workers=8, **run)
-    assert (sys.getswitchinterval(), sys.stdout) == before
+    assert sys.stdout is before
     for one, other in zip(alone, found.histories, strict=True):
         assert other is not None
         assert other.derivatives is not None  # it never left this process
@@ -95,10 +95,10 @@ def test_threads_keep_each_to_its_own_engine_and_failure():
 def test_points_got_ready_together_are_those_got_ready_alone():
     values = [{"k": k, "e": e} for k in (2.0, 9.0, 400.0) for e in (0.0, 0.5)]
     together, alone = (cs.compile(toml(MODEL)) for _ in range(2))
-    together.prepare(values)
     together.prepare([{"k": float("nan")}, {"q": 1.0}])  # said when it runs
+    together.prepare(values, rtol=1e-7)
     for each in values:
-        one, other = (compiled.propagate(parameters=each) for compiled in (together, alone))
+        one, other = (compiled.propagate(parameters=each, rtol=1e-7) for compiled in (together, alone))
         assert one.provenance.engine == other.provenance.engine
         np.testing.assert_array_equal(one.state_covariance, other.state_covariance)
 

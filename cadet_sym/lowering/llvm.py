@@ -13,7 +13,7 @@ import casadi as ca
 
 from cadet_sym.lowering.operations import Blocks, Entry, Operation, cut, operations
 
-__all__ = ["BLOCK", "intermediate", "literal", "repeated"]
+__all__ = ["BLOCK", "counted", "intermediate", "literal", "repeated"]
 
 BLOCK = 1000
 """Operations of one block; the time to compile it grows faster than its length."""
@@ -102,8 +102,14 @@ def repeated(function: ca.Function, name: str) -> str:
     here = []
     for k, (pointer, size) in enumerate(zip(pointers, sizes, strict=True)):
         here += [f"  %f{k} = mul i64 %k, {size}", f"  %p{k} = getelementptr double, ptr {pointer}, i64 %f{k}"]
+    here.append(f"  call void @{name}({', '.join(f'ptr %p{k}' for k in range(len(pointers)))})")
+    return intermediate(function, name) + counted(f"{name}_over", [f"ptr {each}" for each in pointers], here)
+
+
+def counted(name: str, arguments: Sequence[str], body: Sequence[str]) -> str:
+    """The text of a function of (i64 %count, ...) that does the same for every %k from 0 to %count - 1."""
     lines = [
-        f"define void @{name}_over(i64 %count, {', '.join(f'ptr {each}' for each in pointers)}) nounwind {{",
+        f"define void @{name}({', '.join(['i64 %count', *arguments])}) nounwind {{",
         "start:",
         "  br label %test",
         "test:",
@@ -111,15 +117,14 @@ def repeated(function: ca.Function, name: str) -> str:
         "  %more = icmp slt i64 %k, %count",
         "  br i1 %more, label %body, label %end",
         "body:",
-        *here,
-        f"  call void @{name}({', '.join(f'ptr %p{k}' for k in range(len(pointers)))})",
+        *body,
         "  %next = add i64 %k, 1",
         "  br label %test",
         "end:",
         "  ret void",
         "}",
     ]
-    return intermediate(function, name) + "\n".join(lines) + "\n"
+    return "\n".join(lines) + "\n"
 
 
 def _declarations(steps: Sequence[Operation]) -> list[str]:

@@ -7,7 +7,7 @@ restarted there, for no integrator sees an input that is shorter than its step.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from threading import RLock
@@ -20,11 +20,11 @@ from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.solve.breakdown import Breakdown, explain
 from cadet_sym.solve.cvodes import Direct
 from cadet_sym.solve.krylov import Stepping
-from cadet_sym.solve.native import Native
+from cadet_sym.solve.native import Native, integrate_together
 from cadet_sym.solve.scales import Tolerance
 from cadet_sym.solve.stiff import Stiff
 
-__all__ = ["ENGINES", "Engine", "Start", "Trajectory", "edges", "march"]
+__all__ = ["ENGINES", "Engine", "Start", "Trajectory", "edges", "march", "march_ahead"]
 
 Array = npt.NDArray[np.float64]
 
@@ -92,12 +92,13 @@ def march(
     kind: str,
     tolerance: Tolerance,
     asked: float | None = None,
+    engine: Engine | None = None,
 ) -> tuple[Array, Engine]:
-    """Integrate stretch by stretch; returns the moments at the times, and the engine.
+    """Integrate stretch by stretch; returns the moments at the times, and the engine, which may be given.
 
     A breakdown leaves as it is, or, where the tolerance asked for is given, explained to the user.
     """
-    engine = _engine(lowered, start.p, kind, tolerance)
+    engine = engine or _engine(lowered, start.p, kind, tolerance)
     y, found, known = start.first[1], np.empty((len(grid), len(start.y))), 0
     if grid[0] == 0:
         found[0], known = start.y, 1
@@ -106,7 +107,7 @@ def march(
             continue
         last = int(grid.searchsorted(end, side="right"))
         inside = grid[known:last]
-        stretch = inside if inside.size and inside[-1] == end else np.append(inside, end)
+        stretch = _stretch(inside, end)
         try:
             values = _advance(engine, begin, y, stretch)
         except Breakdown as breakdown:
@@ -119,6 +120,24 @@ def march(
         found[known:last], known = values[: inside.size], last
         y = values[-1]
     return found, engine
+
+
+def _stretch(inside: Array, end: float) -> Array:
+    """The output times of a stretch, and its end."""
+    return inside if inside.size and inside[-1] == end else np.append(inside, end)
+
+
+def march_ahead(
+    lowered: MomentFunctions, starts: Sequence[Start], grid: Array, tolerances: Sequence[Tolerance]
+) -> list[Native]:
+    """Engines in machine code for many runs, which have integrated the first stretch of each, all together."""
+    runs = []
+    for start, tolerance in zip(starts, tolerances, strict=True):
+        begin, end, *_ = edges(start, grid)
+        inside = grid[int(grid[0] == 0) : int(grid.searchsorted(end, side="right"))]
+        runs.append((Native(lowered, start.p, tolerance), begin, start.first[1], _stretch(inside, end)))
+    integrate_together(runs)
+    return [engine for engine, *_ in runs]
 
 
 def _engine(lowered: MomentFunctions, p: Array, kind: str, tolerance: Tolerance) -> Engine:

@@ -6,6 +6,7 @@ Moments that stay as they are at the start are left out (see `lowering.held`).
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
@@ -15,14 +16,14 @@ import numpy.typing as npt
 
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.lowering.kernel import kernel
-from cadet_sym.lowering.machine import MachineCode, address, available
+from cadet_sym.lowering.machine import MachineCode, address, available, in_turn
 from cadet_sym.memory import Memory
 from cadet_sym.solve.breakdown import Breakdown
 from cadet_sym.solve.runge_kutta import HEAD, PROCEDURES, REPORT, STALLED, WORK
 from cadet_sym.solve.scales import Tolerance
 from cadet_sym.solve.tableaux import DORMAND_PRINCE, RANOCHA_3, RANOCHA_5, Pair
 
-__all__ = ["Native", "has_machine_code", "prepare"]
+__all__ = ["Native", "has_machine_code", "integrate_together", "prepare"]
 
 Array = npt.NDArray[np.float64]
 Places = npt.NDArray[np.intp]
@@ -38,6 +39,23 @@ RESTS = 1e-10
 
 
 @dataclass
+class Call:
+    """A call of the integrator, and the memory that it reads and writes."""
+
+    lanes: int
+    arguments: tuple[float, ...]
+    _alive: tuple[object, ...]
+    y: Array  # packed moments at the start, of which those at `free` are integrated
+    free: Places
+    held: Places
+    times: Array
+    x: Array  # where it arrived
+    values: Array  # (k, free)
+    report: Array
+    status: int | None = None  # what was returned, if it was made
+
+
+@dataclass
 class Native:
     """The moment equations of one run under the pair of order 8 of Dormand and Prince.
 
@@ -50,6 +68,7 @@ class Native:
     tolerance: Tolerance
     steps: int = field(default=0, init=False)
     pairs: tuple[Pair, ...] = field(default=(DORMAND_PRINCE,), init=False)
+    ahead: Call | None = field(default=None, init=False)  # made for the first stretch
     name = "Runge-Kutta 8(5,3), machine code"
 
     def __post_init__(self) -> None:
@@ -59,6 +78,12 @@ class Native:
 
     def advance(self, begin: float, y: Array, grid: Array) -> Array:
         """Packed moments (k, size) at the times of the grid, from y at `begin`."""
+        call, self.ahead = self.ahead or self.call(begin, y, grid), None
+        status = _march(call.lanes)(*call.arguments) if call.status is None else call.status
+        return self._found(call, status)
+
+    def call(self, begin: float, y: Array, grid: Array) -> Call:
+        """The call of the integrator for a stretch, to be made now or together with others."""
         free, held = _parts(self.lowered, self.p, y)
         rate, which = _rate(self.lowered, held)
         assert rate is not None, "chosen only where there is machine code"
@@ -68,25 +93,39 @@ class Native:
         x, size = _padded(y[free], lanes, 0.0), _padded(self.tolerance.size[free], lanes, 1.0)
         values, work = np.empty((len(grid), len(x))), _zeros(WORK * len(x) + HEAD)
         times, given = np.ascontiguousarray(grid, dtype=float), np.concatenate([self.p, y[held]])
-        status = _march(lanes)(
+        arguments = (
             rate.addresses[which], begin, address(times), len(times), address(x), len(x), n, address(given),
-            address(size), self.tolerance.relative, self.tolerance.absolute, np.nextafter(times[-1], begin),
+            address(size), self.tolerance.relative, self.tolerance.absolute, float(np.nextafter(times[-1], begin)),
             self.tolerance.steps, address(tables), len(tables), address(work), address(values), address(report),
         )  # fmt: skip
-        values = values[:, :n]
+        return Call(lanes, arguments, (rate, given, size, tables, work), y, free, held, times, x[:n], values[:, :n], report)
+
+    def _found(self, call: Call, status: int) -> Array:
+        values, report, held = call.values, call.report, call.held
         self.steps += int(report[1])
-        found = values if not len(held) else np.repeat(y[None], len(grid), axis=0)
+        found = values if not len(held) else np.repeat(call.y[None], len(values), axis=0)
         if len(held):
-            found[:, free] = values
+            found[:, call.free] = values
         if status:
-            here = y.copy()
-            here[free] = x[:n]
-            reached = int(np.searchsorted(times, report[0], side="right"))
+            here = call.y.copy()
+            here[call.free] = call.x
+            reached = int(np.searchsorted(call.times, report[0], side="right"))
             reason = "Its steps shrink to nothing." if status == STALLED else "It took too many steps."
             raise Breakdown(reason, found[:reached], float(report[0]), here)
         if not np.isfinite(values).all():
             raise Breakdown("the result is not finite")
         return found
+
+
+def integrate_together(runs: Sequence[tuple[Native, float, Array, Array]]) -> None:
+    """Integrate the first stretch of many runs (engine, begin, y, grid) while Python's lock is left to others only once."""
+    calls = [engine.call(begin, y, grid) for engine, begin, y, grid in runs]
+    for lanes in {call.lanes for call in calls}:
+        same = [call for call in calls if call.lanes == lanes]
+        for call, status in zip(same, in_turn(_march(lanes), [call.arguments for call in same]), strict=True):
+            call.status = status
+    for (engine, *_), call in zip(runs, calls, strict=True):
+        engine.ahead = call
 
 
 def has_machine_code(lowered: MomentFunctions, p: Array, y: Array) -> bool:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from weakref import ref
 
 import numpy as np
@@ -19,7 +19,7 @@ from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.memory import Memory
 from cadet_sym.packing import Packing
 from cadet_sym.solve.choice import choose, compiles, modes
-from cadet_sym.solve.course import ENGINES, Start, Trajectory, edges, march
+from cadet_sym.solve.course import ENGINES, Engine, Start, Trajectory, edges, march, march_ahead
 from cadet_sym.solve.definite import lost, warn_of_loss
 from cadet_sym.solve.onset import past_onset
 from cadet_sym.solve.rough import ABSOLUTE, Outline, outline
@@ -27,12 +27,16 @@ from cadet_sym.solve.scales import Tolerance, fits, peaks
 from cadet_sym.solve.sound import is_sound
 from cadet_sym.solve.stiff import MANY_STATES
 
-__all__ = ["ENGINES", "Start", "Trajectory", "check_times", "integrate", "plan"]
+__all__ = ["ENGINES", "Start", "Trajectory", "check_times", "integrate", "integrate_ahead"]
 
 Array = npt.NDArray[np.float64]
 
 BETWEEN = 100.0
 """How much more the correlation with the ground between two wheels may err: it is smoothed on its way to the wheel behind."""
+
+
+AHEAD = 4_000_000
+"""Numbers that runs begun together may hold: where each of them takes long, nothing is gained."""
 
 
 def integrate(
@@ -74,7 +78,8 @@ def integrate(
     began = time.perf_counter()
     packing, plan = lowered.facts.packing, _plan(lowered, start, grid, engine, declared)
     start, kind, size = plan.start, plan.kind, plan.size
-    y, used = march(lowered, start, grid, kind, _tolerance(rtol, size, packing, kind), rtol)
+    tolerance = _tolerance(rtol, size, packing, kind)
+    y, used = march(lowered, start, grid, kind, tolerance, rtol, plan.ahead.pop((rtol, grid.tobytes()), None))
     sound = is_sound(y, packing, size)
     if not sound and not fits(size, y, packing):
         size = peaks(np.vstack([start.y, y]), packing)
@@ -106,6 +111,7 @@ class _Plan:
     start: Start
     kind: str  # of engine
     size: Array  # of every moment
+    ahead: dict[tuple[float, bytes], Engine] = field(default_factory=dict)  # by tolerance and times: what began already
 
 
 _plans: Memory[_Plan] = Memory()
@@ -145,16 +151,30 @@ def _planned(lowered: MomentFunctions, starts: Sequence[Start], grid: Array, eng
     ]
 
 
-def plan(
-    lowered: MomentFunctions, starts: Sequence[Start], grid: Array, engine: str, declared: Callable[[], Start]
+def integrate_ahead(
+    lowered: MomentFunctions,
+    starts: Sequence[Start],
+    grid: Array,
+    *,
+    rtol: float,
+    engine: str,
+    declared: Callable[[], Start],
 ) -> None:
-    """Settle many runs that are to come, all at once, which takes a third of the time; see `integrate`."""
+    """Begin many runs that are to come, all at once, which takes less time; see `integrate`."""
     key = _key(lowered, grid, engine, alone=False)
     new = [start for start in starts if not _plans.knows(start, key)]
     if new:
         known = outline(lowered, starts[0], float(grid[-1]), declared)
         for start, each in zip(new, _planned(lowered, new, grid, engine, known), strict=True):
             _plans.keep(start, key, each)
+    if len(starts) * len(grid) * lowered.facts.packing.size > AHEAD:
+        return
+    plans = [_plan(lowered, start, grid, engine, declared) for start in starts]
+    native = [each for each in plans if each.kind == "native" and each.start.first[0] < grid[-1]]
+    tolerances = [_tolerance(rtol, each.size, lowered.facts.packing, each.kind) for each in native]
+    begun = march_ahead(lowered, [each.start for each in native], grid, tolerances)
+    for each, run in zip(native, begun, strict=True):
+        each.ahead[rtol, grid.tobytes()] = run
 
 
 def _tolerance(rtol: float, size: Array, packing: Packing, kind: str) -> Tolerance:
