@@ -23,6 +23,9 @@ def test_packing_is_undone_by_unpacking(n, seed):
     again = packing.unpack(y)
     np.testing.assert_array_equal(again[0], mean)
     np.testing.assert_array_equal(again[1], half + half.T)
+    for times in (0, 3):  # none, where a run breaks down before its first output time
+        many = packing.unpack(np.tile(y, (times, 1)))
+        assert [part.shape for part in many] == [(times, n), (times, n, n)]
 
 
 def linear(A: np.ndarray, b: np.ndarray, x0: np.ndarray) -> cs.Model:
