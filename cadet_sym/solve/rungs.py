@@ -41,8 +41,9 @@ class Attempt:
     reason: str = ""  # why it stopped, if it did not converge
 
     def __str__(self) -> str:
-        end = "converged" if self.converged else self.reason
-        return f"{self.rung}: {end} after {self.iterations} iterations, residual {self.best.residual:.1e}"
+        if self.converged:  # the residual of the solution is that after polishing, and reported there
+            return f"{self.rung}: converged after {self.iterations} iterations"
+        return f"{self.rung}: {self.reason} after {self.iterations} iterations, residual {self.best.residual:.1e}"
 
 
 @np.errstate(all="ignore")  # what overflows is seen in the evaluation, and refused
