@@ -38,6 +38,7 @@ $(READY): pyproject.toml
 	@$(BIN)/python -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed: make PYTHON=python3.11")'
 	@echo "Installing into .venv ..."
 	@$(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check -e ".[dev]"
+	@$(BIN)/python -m compileall -q cadet_sym  # as pip does of what is not editable: else the first run does, or each
 	@touch $@
 
 clean:

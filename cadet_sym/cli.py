@@ -22,6 +22,7 @@ from cadet_sym.arguments import one_set_each, parse_paths, parse_range, parse_se
 from cadet_sym.errors import CadetError, ModelError, SolverError
 from cadet_sym.files import DATA_SUFFIXES, FIGURE_SUFFIXES, check_target
 from cadet_sym.results import PeriodicMoments, StationaryMoments, StationarySolutions, StationarySweep
+from cadet_sym.version import VERSION
 
 if TYPE_CHECKING:
     from cadet_sym.compiled import CompiledModel
@@ -47,9 +48,7 @@ RelativeTolerance = Annotated[float | None, typer.Option("--rtol", metavar="R", 
 
 def _print_version(asked: bool) -> None:
     if asked:
-        from importlib.metadata import version
-
-        print(version("cadet-sym"))
+        print(VERSION)
         raise typer.Exit
 
 

@@ -6,7 +6,7 @@ import contextlib
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from functools import cache, cached_property, lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
@@ -25,6 +25,7 @@ from cadet_sym.solve.evaluate import outputs_over, results_over
 from cadet_sym.solve.start import profile_mean
 from cadet_sym.solve.transient import Start, Trajectory, check_times, integrate, integrate_ahead
 from cadet_sym.solve.wheels import present_error
+from cadet_sym.version import VERSION
 
 if TYPE_CHECKING:
     from cadet_sym.language.model import Model
@@ -480,7 +481,7 @@ class CompiledModel:
             statistics=statistics,
             parameters=dict(zip(self.parameters, p.tolist(), strict=True)),
             model_hash=self.declaration.hash,
-            version=_version(),
+            version=VERSION,
         )
 
     def _wheel_error(self, trajectory: Trajectory, p: Array) -> dict[str, float]:
@@ -554,10 +555,3 @@ _starts: Memory[Start] = Memory(128)
 @lru_cache(maxsize=16)
 def _even_times(end: float, points: int) -> Array:
     return check_times(np.linspace(0.0, end, points))
-
-
-@cache
-def _version() -> str:
-    from importlib.metadata import version  # late: it takes longer to import than much of this package
-
-    return version("cadet-sym")

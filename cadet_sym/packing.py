@@ -61,5 +61,6 @@ class Packing:
     def unpack(self, y: Array) -> tuple[Array, Array]:
         """Mean (..., n) and symmetric covariance (..., n, n) of packed moments (..., size)."""
         covariance = np.empty((*y.shape[:-1], self.n, self.n))
-        y.take(self.square, axis=-1, out=covariance.reshape(*y.shape[:-1], self.n * self.n), mode="clip")  # else NumPy copies it once more
+        flat = covariance.reshape(*y.shape[:-1], self.n * self.n)
+        y.take(self.square, axis=-1, out=flat, mode="clip")  # else NumPy copies it once more
         return y[..., : self.n].copy(), covariance

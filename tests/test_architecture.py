@@ -13,6 +13,7 @@ import pytest
 from conftest import ROOT
 
 import cadet_sym as cs
+from cadet_sym.version import VERSION
 
 LATE = {
     "matplotlib",
@@ -78,7 +79,7 @@ def test_only_the_lowering_knows_sympy_and_casadi_both():
 
 def test_version_is_the_same_everywhere():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    assert version("cadet-sym") == project["version"]
+    assert version("cadet-sym") == VERSION == project["version"]
     assert f"## {project['version']}" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
 
 

@@ -10,7 +10,6 @@ import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from importlib.metadata import version
 from importlib.resources import files as resources
 from pathlib import Path
 
@@ -30,6 +29,7 @@ from cadet_sym.export.tables import array, constant, rows
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.lowering.portable import PortableFunctions, portable
 from cadet_sym.solve.start import profile_mean
+from cadet_sym.version import VERSION
 
 __all__ = ["Library", "Run", "export_c", "library"]
 
@@ -139,7 +139,7 @@ class Library:
             "kind": "C library",
             "model": self.model_name,
             "prefix": self.prefix,
-            "cadet-sym": version("cadet-sym"),
+            "cadet-sym": VERSION,
             "casadi": CASADI_VERSION,
         }
 
@@ -244,7 +244,7 @@ class Library:
         upper = self.prefix.upper()
         return {
             "title": c_comment(self.model_name or self.prefix),
-            "version": version("cadet-sym"),
+            "version": VERSION,
             "casadi": CASADI_VERSION,
             "states": packing.n,
             "parameters": len(self.lowered.parameters),
@@ -337,7 +337,7 @@ class Library:
                 "text": self.lowered.equations.quasi_linear.system.model.text,
                 "equations": equations,
                 "costs": costs,
-                "version": version("cadet-sym"),
+                "version": VERSION,
                 "casadi": CASADI_VERSION,
                 "size": packing.size,
                 "states": packing.n,

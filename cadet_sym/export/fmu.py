@@ -17,7 +17,6 @@ import uuid
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 from xml.etree import ElementTree
@@ -29,6 +28,7 @@ from cadet_sym.errors import ExportError
 from cadet_sym.export.fmu_stubs import stubs_2, stubs_3
 from cadet_sym.export.names import identifiers
 from cadet_sym.lowering.functions import MomentFunctions
+from cadet_sym.version import VERSION
 
 __all__ = ["check_fmu_tools", "unit_files"]
 
@@ -181,7 +181,7 @@ class _About:
     @property
     def tool(self) -> str:
         """Who wrote it."""
-        return f"cadet-sym {version('cadet-sym')}"
+        return f"cadet-sym {VERSION}"
 
 
 def _description_2(

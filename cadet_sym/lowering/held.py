@@ -41,14 +41,14 @@ def _alone(lowered: MomentFunctions, group: list[int]) -> bool:
     t, s, V = ca.SX.sym("t"), ca.SX.sym("s"), ca.SX.sym("V")
     y, p = ca.SX.sym("y", lowered.facts.packing.size), ca.SX.sym("p", len(lowered.parameters))
     rates = lowered.held_rate(t, s, V, y, p)[group]
-    others = np.setdiff1d(np.arange(y.numel()), group).tolist()
+    others = [i for i in range(y.numel()) if i not in set(group)]
     return not ca.depends_on(rates, ca.vertcat(t, s, y[others]))
 
 
 def opened(lowered: MomentFunctions, kept: np.ndarray) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
     """t, x, p and y: moments y of which those kept are x, and the others stand behind the parameters in p."""
     size, count = lowered.facts.packing.size, len(lowered.parameters)
-    held = np.setdiff1d(np.arange(size), kept)
+    held = np.delete(np.arange(size), kept)
     t, x, p = ca.SX.sym("t"), ca.SX.sym("x", len(kept)), ca.SX.sym("p", count + len(held))
     y = ca.SX(size, 1)
     y[kept.tolist()] = x

@@ -16,7 +16,9 @@ import ast
 import inspect
 import textwrap
 from collections.abc import Callable
+from functools import cache
 from math import isfinite, sqrt
+from types import ModuleType
 from typing import Any, NoReturn
 
 import numpy as np
@@ -72,8 +74,7 @@ def kernel_text(*procedures: Callable[..., float], fused: bool = False, lanes: i
     constants: dict[str, str] = {}
     texts = []
     for procedure in procedures:
-        tree = ast.parse(textwrap.dedent(inspect.getsource(procedure))).body[0]
-        assert isinstance(tree, ast.FunctionDef)
+        tree = _definition(procedure)
         known = procedure.__globals__ if lanes is None else {**procedure.__globals__, "LANES": lanes}
         text = _Writer(tree, procedure is procedures[-1], known, kinds, constants).text()
         if lanes is not None:
@@ -84,6 +85,22 @@ def kernel_text(*procedures: Callable[..., float], fused: bool = False, lanes: i
         assert isinstance(tree.returns, ast.Name)
         kinds[tree.name] = TYPES[tree.returns.id]
     return "\n".join([DECLARATIONS, *constants.values(), *texts])
+
+
+def _definition(procedure: Callable[..., float]) -> ast.FunctionDef:
+    """A procedure's definition: of a module's own without a look for where it ends, which takes longer than all else."""
+    if procedure.__qualname__ == procedure.__name__ and (module := inspect.getmodule(procedure)) is not None:
+        return _definitions(module)[procedure.__name__]
+    tree = ast.parse(textwrap.dedent(inspect.getsource(procedure))).body[0]
+    assert isinstance(tree, ast.FunctionDef)
+    return tree
+
+
+@cache
+def _definitions(module: ModuleType) -> dict[str, ast.FunctionDef]:
+    """What a module defines, by name."""
+    tree = ast.parse(inspect.getsource(module))
+    return {each.name: each for each in tree.body if isinstance(each, ast.FunctionDef)}
 
 
 class _Writer:

@@ -16,7 +16,7 @@ from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.lowering.machine import address
 from cadet_sym.memory import Memory
 
-__all__ = ["Gains", "Rate", "behind", "gains", "gains_over", "give", "outputs_over", "results", "results_over", "take"]
+__all__ = ["HUGE", "Gains", "Rate", "behind", "gains", "gains_over", "give", "outputs_over", "results", "results_over", "take"]
 
 Array = npt.NDArray[np.float64]
 Places = npt.NDArray[np.intp]

@@ -185,7 +185,7 @@ def _free_and_held(lowered: MomentFunctions, size: int) -> tuple[Places, Places]
     every = np.arange(size)
     # of a large model, the few that stay do not pay for a rate of its own
     free = every if lowered.large else np.array(lowered.free_entries()["free"], dtype=np.intp).ravel()
-    return free, np.setdiff1d(every, free)
+    return free, np.delete(every, free)
 
 
 def _rest(lowered: MomentFunctions, p: Array, y: Array, held: Places) -> bool:

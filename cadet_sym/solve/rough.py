@@ -18,7 +18,7 @@ from cadet_sym.memory import Memory
 from cadet_sym.solve.breakdown import Breakdown
 from cadet_sym.solve.choice import choose, compiles, modes
 from cadet_sym.solve.course import Start, march
-from cadet_sym.solve.evaluate import Rate
+from cadet_sym.solve.evaluate import HUGE, Rate, results_over
 from cadet_sym.solve.scales import Tolerance, peaks
 
 __all__ = ["ABSOLUTE", "Outline", "outline"]
@@ -56,10 +56,7 @@ def outline(lowered: MomentFunctions, start: Start, duration: float, declared: C
 
 def _rough_run(lowered: MomentFunctions, start: Start, duration: float) -> Outline:
     """A run with tolerances far below anything's size; guesses where it fails."""
-    packing = lowered.facts.packing
-    rate, slopes = Rate(lowered, start.p), np.empty((3, packing.size))
-    for t, slope in zip((0.0, duration / 2, duration), slopes, strict=True):
-        rate(t, start.y, slope)
+    packing, slopes = lowered.facts.packing, _slopes(lowered, start, duration)
     largest = np.abs(start.y).max(initial=0.0) + np.abs(np.nan_to_num(slopes)).max() * max(duration, 1e-300)
     small = np.sqrt(largest) if largest > 0 else 1.0
     grid = np.linspace(0, duration, 35)[1:] if duration > 0 else np.zeros(1)
@@ -72,6 +69,18 @@ def _rough_run(lowered: MomentFunctions, start: Start, duration: float) -> Outli
             continue
         return Outline(peaks(np.vstack([start.y, y]), packing), np.array([start.y, y[len(y) // 2 - 1], y[-1]]))
     return Outline(np.full(packing.size, 1e-3 * small), np.repeat(start.y[None], 3, axis=0))
+
+
+def _slopes(lowered: MomentFunctions, start: Start, duration: float) -> Array:
+    """The rates (3, size) at the start's moments, at the beginning, half-way and at the end of a run."""
+    times = np.array([0.0, duration / 2, duration])
+    if not lowered.large:  # machine code of it may be wanted by nobody else
+        found = results_over(lowered.rate, times, *(np.repeat(each[None], 3, axis=0) for each in (start.y, start.p)))[0]
+        return np.where(np.isfinite(found), found, HUGE)
+    rate, slopes = Rate(lowered, start.p), np.empty((3, len(start.y)))
+    for t, slope in zip(times.tolist(), slopes, strict=True):
+        rate(t, start.y, slope)
+    return slopes
 
 
 def _first_engine(lowered: MomentFunctions, start: Start, grid: Array, largest: float) -> str:
