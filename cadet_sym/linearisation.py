@@ -21,6 +21,7 @@ from cadet_sym.expectation import DescribingFunction, describing_function
 from cadet_sym.language.element import Element
 from cadet_sym.language.expression import ElementCall, symbol, unparse
 from cadet_sym.language.numeric import evaluate
+from cadet_sym.language.vocabulary import Lookup
 
 __all__ = ["LinearForm", "Nonlinearity", "OutputForm", "QuasiLinearSystem", "linearise", "readable"]
 
@@ -377,6 +378,15 @@ def readable(expression: sp.Basic) -> Any:
     """An expression with the mark of local arguments taken off, to be shown."""
     local = [s for s in expression.free_symbols if isinstance(s, sp.Symbol) and s.name.endswith(MARK)]
     return expression.xreplace({s: sp.Symbol(s.name.removesuffix(MARK), real=True) for s in local})
+
+
+def shown(expression: sp.Basic) -> str:
+    """An expression in the words of the model file, for reading only: of a measured curve how many rows it has."""
+
+    def named(curve: Any) -> sp.Symbol:
+        return sp.Symbol(f"table({shown(curve.argument)}; {len(curve.knots)} rows)", real=True)
+
+    return unparse(readable(expression).replace(lambda e: isinstance(e, Lookup), named))
 
 
 def _expanded(local: sp.Expr, arguments: tuple[sp.Symbol, ...]) -> sp.Expr:

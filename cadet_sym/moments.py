@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import sympy as sp
 
@@ -49,11 +50,14 @@ class MomentEquations:
         return tuple(state.name for state in self.quasi_linear.states)
 
     def _repr_latex_(self) -> str:
-        N, D = sp.latex(sp.Matrix(self.gain_matrix)), sp.latex(sp.Matrix(self.diffusion))
-        rows = (
-            rf"\dot{{{sp.latex(m)}}} &= {sp.latex(r)}"
-            for m, r in zip(self.means, self.mean_rate, strict=True)
-        )
+        states = self.quasi_linear.system.states
+        names = {m: rf"\mu_{{{sp.latex(state)}}}" for m, state in zip(self.means, states, strict=True)}
+
+        def latex(expression: Any) -> str:
+            return sp.latex(expression, symbol_names=names)
+
+        N, D = latex(sp.Matrix(self.gain_matrix)), latex(sp.Matrix(self.diffusion))
+        rows = (rf"\dot{{{names[m]}}} &= {latex(r)}" for m, r in zip(self.means, self.mean_rate, strict=True))
         return (
             r"$$\begin{aligned}" + r" \\ ".join(rows) + r"\end{aligned}$$"
             rf"$$\dot P = N P + P N^T + D,\quad N = {N},\quad D = {D}$$"

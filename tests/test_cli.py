@@ -91,6 +91,52 @@ def test_show_of_every_model(model_file, run, run_json):
     assert latex.count("{") == latex.count("}")
 
 
+MEASURED = """
+schema = 1
+name = "Everything measured"
+[elements.damper]
+arguments = ["v"]
+table = [[-1, -900], [-0.2, -400], [0, 0], [0.2, 600], [1, 1500]]
+[rates]
+x = "v"
+v = "-100*(x - h) - damper(v - der(h))/300"
+[contacts]
+h = {}
+[ground]
+kind = "exponential"
+sigma = 0.02
+cutoff = 0.3
+rolling_contact = 3.0
+[travel]
+speed = { table = [[0, 5], [1, 8], [3, 12]] }
+[outputs]
+force = "damper(v - der(h))"
+[run]
+duration = 1.0
+points = 3
+"""
+
+
+def test_every_command_takes_measured_curves(run, run_json, tmp_path):
+    file = tmp_path / "measured.toml"
+    file.write_text(MEASURED)
+    shown = run_json("show", file)
+    assert shown["describing_functions"][0]["function"] == "table(z; 5 rows)"
+    status, latex, err = run("show", file, "--latex")
+    assert (status, err) == (0, "")
+    assert r"f_{1} &= \operatorname{table}_{5}\left(z\right)" in latex
+    assert r"\dot{\mu_{x}} &= \mu_{v}" in latex
+    for words in (
+        ("show", file, "--check"),
+        ("moments", file),
+        ("stationary", file, "--at", 1),
+        ("validate", file, "--paths", 100),
+        ("export", file, "--to", tmp_path / "c", "--matlab"),
+    ):
+        status, _, err = run(*words)
+        assert (status, err) == (0, ""), words
+
+
 def test_export_of_every_model(model_file, run, tmp_path):
     status, _, err = run("export", model_file, "--to", tmp_path / "c")
     assert status == 0, err

@@ -137,6 +137,10 @@ class Lookup(sp.Function):
 
         return curve_pieces(self)
 
+    def _latex(self, printer: Any, exp: str | None = None) -> str:
+        text = rf"\operatorname{{table}}_{{{len(self.knots)}}}\left({printer._print(self.argument)}\right)"
+        return text if exp is None else f"{text}^{{{exp}}}"
+
     def _eval_derivative(self, s: sp.Symbol) -> sp.Expr:
         return self.slope() * self.argument.diff(s)
 

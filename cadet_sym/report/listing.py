@@ -12,8 +12,8 @@ import sympy as sp
 from cadet_sym.augmentation import AugmentedSystem, NoiseSource
 from cadet_sym.expectation import DescribingFunction
 from cadet_sym.expectation.formula import tidy
-from cadet_sym.language.expression import DISTANCE, SPEED, TIME, unparse
-from cadet_sym.linearisation import Nonlinearity, readable
+from cadet_sym.language.expression import DISTANCE, SPEED, TIME
+from cadet_sym.linearisation import Nonlinearity, readable, shown
 from cadet_sym.lowering.check import ElementCheck, check
 from cadet_sym.moments import MomentEquations
 
@@ -65,10 +65,10 @@ class Listing:
         return {
             "model": self.system.model.name,
             "states": list(self.rates),
-            "equations": {name: unparse(rate) for name, rate in self.rates.items()},
-            "intensity": [[unparse(value) for value in row] for row in self.system.intensity.tolist()],
-            "outputs": {name: unparse(value) for name, value in self.system.outputs.items()},
-            "speed": unparse(self.system.speed),
+            "equations": {name: shown(rate) for name, rate in self.rates.items()},
+            "intensity": [[shown(value) for value in row] for row in self.system.intensity.tolist()],
+            "outputs": {name: shown(value) for name, value in self.system.outputs.items()},
+            "speed": shown(self.system.speed),
             "describing_functions": [*map(self._element, self.elements, self.checks)],
         }
 
@@ -78,10 +78,10 @@ class Listing:
         found = {} if checked is None else {"check": {name: getattr(checked, name) for name in ("error", "gain_error", "sure")}}
         return {
             "name": element.name,
-            "function": _text(describing.body),
-            "arguments": [_text(form.of(self.system.states)) for form in element.forms],
-            "expectation": None if expectation is None else _text(expectation),
-            "gains": [_text(gain) for gain in gains],
+            "function": shown(describing.body),
+            "arguments": [shown(form.of(self.system.states)) for form in element.forms],
+            "expectation": None if expectation is None else shown(expectation),
+            "gains": [shown(gain) for gain in gains],
             "method": describing.method,
             "nodes": describing.nodes,
             "error": describing.error,
@@ -93,13 +93,13 @@ class Listing:
         system = self.system
         yield f"{system.model.name}: {len(system.states)} states, {len(self.elements)} nonlinearities"
         yield ""
-        yield from (f"  {name}' = {unparse(rate)}" for name, rate in self.rates.items())
+        yield from (f"  {name}' = {shown(rate)}" for name, rate in self.rates.items())
         if system.sources:
             yield ""
             yield from (f"  {line}" for line in self._noises())
         if system.outputs:
             yield ""
-            yield from (f"  {name} = {unparse(value)}" for name, value in system.outputs.items())
+            yield from (f"  {name} = {shown(value)}" for name, value in system.outputs.items())
         for element, checked in zip(self.elements, self.checks, strict=True):
             yield ""
             yield from self._describe(element)
@@ -113,18 +113,18 @@ class Listing:
             for j, second in enumerate(names[: i + 1]):
                 if intensity[i, j] != 0:
                     of = first if i == j else f"{second} with {first}"
-                    yield f"intensity of {of}: {unparse(intensity[i, j])}"
+                    yield f"intensity of {of}: {shown(intensity[i, j])}"
 
     def _describe(self, element: Nonlinearity) -> Iterator[str]:
         describing = element.describing
         arguments = zip(describing.arguments, element.forms, strict=True)
-        of = ", ".join(f"{readable(z)} = {_text(form.of(self.system.states))}" for z, form in arguments)
-        yield f"  {element.name}: f = {_text(describing.body)},  {of}"
+        of = ", ".join(f"{readable(z)} = {shown(form.of(self.system.states))}" for z, form in arguments)
+        yield f"  {element.name}: f = {shown(describing.body)},  {of}"
         yield f"    {_how(describing)}"
         expectation, gains = written_out(describing)
         if expectation is not None:
-            yield f"    E[f] = {_text(expectation)}"
-            yield from (f"    {mark} = {_text(gain)}" for mark, gain in zip(_marks(describing), gains, strict=True))
+            yield f"    E[f] = {shown(expectation)}"
+            yield from (f"    {mark} = {shown(gain)}" for mark, gain in zip(_marks(describing), gains, strict=True))
 
     def latex(self) -> str:
         """The same as LaTeX: augmented equations, nonlinearities and their expectations, moment equations."""
@@ -164,7 +164,7 @@ def _noise_symbol(source: NoiseSource) -> sp.Symbol:
 
 
 def _factor(expression: sp.Expr) -> str:
-    text = _text(expression)
+    text = shown(expression)
     return f"({text})" if expression.is_Add else text
 
 
@@ -173,7 +173,3 @@ def _how(describing: DescribingFunction) -> str:
         return describing.method
     return f"{describing.method}, {describing.nodes} nodes, estimated relative error {describing.error:.1e}"
 
-
-def _text(expression: sp.Expr) -> str:
-    """An expression in the words of the model file."""
-    return unparse(readable(expression))
