@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
@@ -22,6 +22,7 @@ from cadet_sym.packing import Packing
 from cadet_sym.results import MomentHistory, PeriodicMoments, Provenance, StationaryMoments, StationarySolutions
 from cadet_sym.solve.breakpoints import find_breakpoints
 from cadet_sym.solve.evaluate import outputs_over, results_over
+from cadet_sym.solve.senseless import refuse_senseless
 from cadet_sym.solve.start import profile_mean
 from cadet_sym.solve.transient import Start, Trajectory, check_times, integrate, integrate_ahead
 from cadet_sym.solve.wheels import present_error
@@ -177,12 +178,14 @@ class CompiledModel:
         matrices = results_over(self.functions.filters, p)
         for place, entries in zip(self.functions.facts.filters, matrices, strict=True):
             C = entries.reshape(len(p), place.size, place.size).transpose(0, 2, 1)
-            decay = np.linalg.eigvals(C).real.max(axis=1, initial=-1.0)
-            if (decay > -1e-12 * np.abs(entries).max(axis=1, initial=1e-300)).any():
+            decay = np.linalg.eigvals(C)
+            lasting = decay.real > -1e-12 * np.abs(entries).max(axis=1, initial=1e-300)[:, None]
+            if lasting.any():
+                slowest = decay[lasting][0]
                 raise ModelError(
-                    f'[initial] ground = "stationary": the ground under `{place.contact}` has no stationary height '
-                    '(an integrated road wanders without bound). Start with `ground = "smooth"`, or give the road a '
-                    "low-frequency `cutoff`."
+                    f'[initial] ground = "stationary": the ground under `{place.contact}` has no stationary height: its '
+                    f"filter has the eigenvalue {slowest:.3g} per unit of length, which does not decay (an integrated road "
+                    'wanders without bound). Start with `ground = "smooth"`, or give the road a low-frequency `cutoff`.'
                 )
 
     def breakpoints(self, p: Array, duration: float) -> tuple[float, ...]:
@@ -224,7 +227,7 @@ class CompiledModel:
                 grid,
                 rtol=self.declaration.rtol if rtol is None else rtol,
                 engine=engine,
-                declared=(lambda: self._start(self.parameter_vector(), float(grid[-1]))) if parameters else None,
+                declared=self._declared_start(float(grid[-1])) if parameters else None,
             )
         except SolverError as error:
             if isinstance(partial := error.details.get("partial"), Trajectory):
@@ -328,9 +331,21 @@ class CompiledModel:
 
     def _start(self, p: Array, duration: float) -> Start:
         """Moments at the start and known breakpoints, remembered for the parameters last used."""
-        return _starts(
-            self, (p.tobytes(), duration), lambda: Start(self._initial(p[None])[0], p, self.breakpoints(p, duration))
-        )
+
+        def find() -> Start:
+            self._refuse_senseless(p, duration)
+            return Start(self._initial(p[None])[0], p, self.breakpoints(p, duration))
+
+        return _starts(self, (p.tobytes(), duration), find)
+
+    def _declared_start(self, duration: float) -> Callable[[], Start] | None:
+        """The start at the declared parameters; None of a longer run than declared, in which they may make no sense."""
+        return None if duration > self.declaration.duration else lambda: self._start(self.parameter_vector(), duration)
+
+    def _refuse_senseless(self, p: Array, duration: float) -> None:
+        """Look at a run as the declared one was looked at when the model was made."""
+        if duration > self.declaration.duration or not np.array_equal(p, self.parameter_vector()):
+            refuse_senseless(self.functions, p, duration)
 
     def prepare(self, parameters: Sequence[Mapping[str, float]], **run: Any) -> None:
         """Begin runs of `propagate` that differ in their parameters, together in less time than one by one.
@@ -342,17 +357,14 @@ class CompiledModel:
             end = float(grid[-1])
             vectors = np.array([self.parameter_vector(each) for each in parameters])
             new = np.array([p for p in vectors if not _starts.knows(self, (p.tobytes(), end))])
+            for p in new:
+                self._refuse_senseless(p, end)
             for p, y in zip(new, self._initial(new) if len(new) else (), strict=True):
                 _starts.keep(self, (p.tobytes(), end), Start(y, p, self.breakpoints(p, end)))
             starts = [self._start(p, end) for p in vectors]
-            integrate_ahead(
-                self.functions,
-                starts,
-                grid,
-                rtol=run.get("rtol") or self.declaration.rtol,
-                engine=run.get("engine", "auto"),
-                declared=lambda: self._start(self.parameter_vector(), end),
-            )
+            if (declared := self._declared_start(end)) is not None:
+                rtol, engine = run.get("rtol") or self.declaration.rtol, run.get("engine", "auto")
+                integrate_ahead(self.functions, starts, grid, rtol=rtol, engine=engine, declared=declared)
 
     def _grid(self, times: npt.ArrayLike | None, duration: float | None, points: int | None) -> Array:
         """The output times of a run."""

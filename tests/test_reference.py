@@ -8,6 +8,7 @@ import sympy as sp
 from reference_models import bouc_wen, half_car, oleo, oscillator, params, quarter_car, toml, value
 
 import cadet_sym as cs
+from cadet_sym.language.ground import iso8608, second_order
 
 
 def propagate(model: cs.Model, times: object, rtol: float = 1e-10) -> cs.MomentHistory:
@@ -289,3 +290,35 @@ def test_an_integrated_road_has_no_stationary_start_but_closures_settle_on_it():
     with pytest.raises(cs.ModelError, match=r'ground = "smooth".*cutoff') as error:
         compiled.propagate()
     assert error.value.exit_status == 2
+
+
+@pytest.mark.parametrize("letter", "ABCDEFGH")
+def test_iso_roads_excite_as_the_reference_says(letter):
+    """R50: the class's geometric mean at 0.1 cycle/m, and the intensity of its slope's white noise in time at 20 m/s."""
+    expected = value("R50")["classes"][letter]
+    road, V = iso8608(letter), 20.0
+    assert 1e6 * float(road.settings["gd"]) == pytest.approx(expected["mean"], rel=1e-12)
+    assert V * float(road.shaping_filter().Q[0]) == pytest.approx(expected["Q_V20"], rel=1e-12)
+    h, x = sp.symbols("h x")
+    vehicle = cs.Vehicle(rates={x: -3 * x + cs.der(h)}, contacts={h: cs.Contact()})
+    found = cs.compile(cs.Model(vehicle, road, cs.Travel(speed=V))).stationary()
+    assert found.variance["x"] == pytest.approx(expected["Q_V20"] / 6, rel=1e-10)  # Q/(2 k) of x' = -k x + w
+
+
+def test_published_roads_have_the_autocovariance_of_the_reference():
+    """R53: sigma^2 exp(-alpha d) cos(beta d); between two wheels d apart it is their covariance."""
+    a, b, x = sp.symbols("a b x")
+    for name, (sigma, alpha, beta) in params("R53")["table_b"].items():
+        for k, d in enumerate((1.0, 3.0, 7.0), start=1):
+            vehicle = cs.Vehicle(
+                rates={x: -x}, contacts={a: cs.Contact(), b: cs.Contact(setback=d)}, outputs={"sum": a + b}
+            )
+            model = cs.Model(vehicle, second_order(sigma, alpha, beta), cs.Travel(speed=2.0), duration=1)
+            history = cs.compile(model).propagate([0.0, 1.0])
+            want = sigma**2 * np.exp(-alpha * d) * np.cos(beta * d)
+            if name == "asphalt":
+                assert value("R53")[k] == pytest.approx(want, rel=1e-10)
+                assert value("R53")[0] == pytest.approx(sigma**2, rel=1e-10)
+            found = (history.output_variance[:, 0] / 2 - sigma**2) / sigma**2
+            assert found[0] == pytest.approx(want / sigma**2, abs=1e-10)
+            assert found[1] == pytest.approx(want / sigma**2, abs=1e-7)  # the ground between the wheels is on a grid

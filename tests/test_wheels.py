@@ -17,13 +17,14 @@ SETBACKS = (0.0, 1.7, 4.6)
 OMEGA, ZETA = 10.0, 0.1
 
 
-def three_axles(speed: str, duration: float = 4.0) -> cs.Model:
+def three_axles(speed: str, duration: float = 4.0, damper: float = 0.0) -> cs.Model:
+    quadratic = f" - {damper}*(v**2 if v > 0 else -0.5*v**2)" if damper else ""
     return toml(
         f"""
         name = "three axles"
         [rates]
         x = "v"
-        v = "-{OMEGA**2}*x - {2 * ZETA * OMEGA}*v + {OMEGA**2}*(h1 + h2 + h3)/3"
+        v = "-{OMEGA**2}*x - {2 * ZETA * OMEGA}*v + {OMEGA**2}*(h1 + h2 + h3)/3{quadratic}"
         [contacts]
         h1 = {{}}
         h2 = {{ setback = {SETBACKS[1]} }}
@@ -81,16 +82,51 @@ def test_three_axles_from_rest_against_the_double_integral_over_the_autocovarian
     np.testing.assert_allclose(history.variance["x"], wanted, rtol=1e-5, atol=1e-6 * max(wanted))
 
 
-def test_a_nonlinear_half_car_lies_within_the_limits_of_its_simulation():
-    model = cs.load(ROOT / "models" / "half_car_acceleration.toml")
-    history = cs.compile(model).propagate(points=6)
-    truth = cs.simulate(model, paths=1000, seed=4, times=history.time[1:], control=False)
+def half_car(gamma: float) -> cs.Model:
+    return cs.load(ROOT / "models" / "half_car_acceleration.toml").with_parameters({"gamma": gamma})
+
+
+NONLINEAR = {"half car": lambda: half_car(2000.0), "three axles": lambda: three_axles("3*t", damper=0.1)}
+LINEAR = {"half car": lambda: half_car(0.0), "three axles": lambda: three_axles("3*t")}
+
+
+def discrepancies(model: cs.Model, paths: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """How far means and variances of what the vehicle does lie from a plain simulation of it, the ground delayed exactly: in
+    standard errors, and those of the variances as a share of them."""
+    times = np.linspace(0, model.number(model.run.duration), 6)[1:]
+    history = cs.compile(model).propagate(times)
+    truth = cs.simulate(model, paths=paths, seed=seed, times=times, control=False)
     names = [*truth.states[: len(model.vehicle.rates)], *truth.outputs]
-    for name in names:
-        of_mean = np.abs(history.mean[name][1:] - truth.mean[name]) / truth.mean_standard_error[name]
-        of_variance = np.abs(history.variance[name][1:] - truth.variance[name]) / truth.variance_standard_error[name]
-        assert (of_mean < 4.0).all(), name
-        assert (of_variance < 4.0).all(), name
+    found = [(history.mean[n] - truth.mean[n]) / truth.mean_standard_error[n] for n in names]
+    found += [(history.variance[n] - truth.variance[n]) / truth.variance_standard_error[n] for n in names]
+    share = [history.variance[n] / truth.variance[n] - 1.0 for n in names]
+    return np.abs(np.ravel(found)), np.abs(np.ravel(share))
+
+
+def inside(errors: np.ndarray) -> bool:
+    """Inside 99 % limits, as often as chance allows for so many, and nowhere far outside."""
+    return bool(np.mean(errors > 2.576) <= 0.05 and errors.max() < 4.0)
+
+
+@pytest.mark.parametrize("vehicle", NONLINEAR)
+def test_a_nonlinear_vehicle_accelerating_lies_inside_the_limits_of_its_simulation(vehicle):
+    assert inside(discrepancies(NONLINEAR[vehicle](), 1000, 4)[0])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("vehicle", LINEAR)
+def test_a_linear_vehicle_accelerating_lies_inside_the_limits_of_many_paths(vehicle):
+    """Nothing is approximated: what is left is the delay."""
+    assert inside(discrepancies(LINEAR[vehicle](), 20_000, 5)[0])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("vehicle", NONLINEAR)
+def test_against_many_paths_only_the_shape_of_the_distribution_is_missed(vehicle):
+    """The describing functions take it for Gaussian, which costs a few per cent of a variance (theory.md)."""
+    errors, share = discrepancies(NONLINEAR[vehicle](), 20_000, 6)
+    assert share.max() < 0.05
+    assert np.median(errors) < 2.0
 
 
 def test_wheels_on_ground_that_varies_start_on_one_and_the_same_ground():

@@ -66,7 +66,7 @@ def curve_pieces(curve: Lookup) -> sp.Expr:
     z, knots = curve.argument, curve.knots
     polynomials = [_polynomial(piece, z, k) for piece, k in zip(coefficients(curve), knots, strict=False)]
     edges = list(knots[1:-1])
-    if curve.outside == "hold":
+    if curve.outside != "extrapolate":
         polynomials = [curve.values[0], *polynomials, curve.values[-1]]
         edges = list(knots)
     return pieced(polynomials, edges, z)
@@ -113,7 +113,7 @@ def curve_values(curve: Lookup, z: Any) -> np.ndarray:
     """Values of the curve at numbers."""
     z = np.asarray(z, float)
     knots, pieces = _in_doubles(curve)
-    at = np.clip(z, knots[0], knots[-1]) if curve.outside == "hold" else z
+    at = np.clip(z, knots[0], knots[-1]) if curve.outside != "extrapolate" else z
     k = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, len(knots) - 2)
     value = np.zeros_like(at)
     for n in reversed(range(pieces.shape[1])):

@@ -28,7 +28,7 @@ def switching_functions(expr: sp.Basic, variable: sp.Symbol) -> list[sp.Expr]:
             arguments = node.args
             found.update({a - b: None for i, a in enumerate(arguments) for b in arguments[:i]})
         elif isinstance(node, Lookup):
-            knots = node.knots if node.outside == "hold" else node.knots[1:-1]
+            knots = node.knots if node.outside != "extrapolate" else node.knots[1:-1]
             found.update({node.argument - knot: None for knot in knots})
     return list(found)
 

@@ -265,7 +265,7 @@ class _Document:
     ) -> sp.Expr:
         """A measured curve: `table` with its `outside`, `interpolation`, `columns`, `units`."""
         where = {"table": entries.name, "key": "table"}
-        outside = one_of(entries, "outside", OUTSIDE, outside)
+        outside = one_of(entries, "outside", OUTSIDE, "") if "outside" in entries.content else outside
         interpolation = one_of(entries, "interpolation", INTERPOLATION, interpolation)
         table = entries.get("table", (str, list))
         columns, units = (entries.names(key) if key in entries.content else [] for key in ("columns", "units"))
@@ -296,7 +296,7 @@ class _Document:
             return Travel(distance=entries.expression("distance", self.places.travel()), start=start)
         if isinstance(entries.content["speed"], Mapping):
             inner = Entries("travel.speed", entries.content["speed"]).only(CURVE_KEYS)
-            return Travel(speed=self.curve(inner, TIME, ("time", "speed"), "hold", "monotone"), start=start)
+            return Travel(speed=self.curve(inner, TIME, ("time", "speed"), "end", "monotone"), start=start)
         return Travel(speed=entries.expression("speed", self.places.travel()), start=start)
 
     def _initial(self) -> Initial:

@@ -69,7 +69,8 @@ def entry(expr: sp.Expr) -> int | float | str:
 def curve_entries(curve: Lookup) -> dict[str, Any]:
     """A measured curve, row by row."""
     rows = [[entry(z), entry(f)] for z, f in zip(curve.knots, curve.values, strict=True)]
-    return {"table": rows, "outside": curve.outside, "interpolation": curve.method}
+    outside = {} if curve.outside == "end" else {"outside": curve.outside}
+    return {"table": rows, **outside, "interpolation": curve.method}
 
 
 def noise_entries(noise: Noise) -> dict[str, Any]:

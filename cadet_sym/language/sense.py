@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from cadet_sym.language.model import Model
 
 _GRID = 2001  # times at which a speed is looked at, besides its breakpoints
+_PLACES = 501  # places of the road that is travelled at which its numbers are looked at, besides its breakpoints
 _TIMES = 11  # times at which an intensity is looked at
 
 
@@ -48,10 +49,16 @@ def values(model: Model) -> None:
             intensity = _numbers(model.noise.intensity, {**known, TIME: t})
             when = f" at t = {t:g}" if varies else ""
             _semidefinite(intensity, f"the intensity of `{name}`{when}", table="noise")
+    travels(model, duration)
+
+
+def travels(model: Model, duration: float) -> None:
+    """Refuse a speed or a road that makes no sense within a run of that duration."""
+    known = {symbol(name): value for name, value in model.parameter_values().items()}
     if model.travel is not None:
         _speed(model, known, duration)
     if model.ground is not None and model.travel is not None:
-        _ground(model, model.ground, known)
+        _ground(model, model.ground, known, duration)
 
 
 def _numbers(matrix: sp.MatrixBase, known: Mapping[sp.Symbol, float]) -> np.ndarray:
@@ -107,9 +114,15 @@ def _speed(model: Model, known: Mapping[Any, Any], duration: float) -> None:
     if travel.distance is not None and (t := jump(travel.distance, TIME, kinks, known)) is not None:
         raise ModelError(f"the distance jumps at t = {t:g}: a vehicle moves continuously", **where)
     speed = travel.speed_expression()
-    if travel.table is not None:
+    if travel.table is not None and travel.table.outside != "extrapolate":
         times = np.array([float(k) for k in travel.table.knots])
         found = np.array([float(v) for v in travel.table.values])
+        if travel.table.outside == "end" and not times[0] <= 0 < duration <= times[-1]:
+            raise ModelError(
+                f"the rows of the speed go from t = {times[0]:g} to t = {times[-1]:g}, and the run from 0 to {duration:g}: "
+                'change the duration, or say what the speed is beyond its rows, as outside = "hold"',
+                **where,
+            )
     else:
         times = np.sort(np.concatenate([np.linspace(0, duration, _GRID), kinks]))
         found = np.broadcast_to(evaluate(speed, {**known, TIME: times}), times.shape)
@@ -151,14 +164,24 @@ def _asked(model: Model) -> int:
 # --------------------------------------------------------------------------- ground
 
 
-def _ground(model: Model, ground: Ground, known: dict[sp.Symbol, float]) -> None:
+def _ground(model: Model, ground: Ground, known: dict[sp.Symbol, float], duration: float) -> None:
     travel = model.travel
     assert travel is not None
     first = evaluate(travel.start if travel.distance is None else travel.distance, {**known, TIME: 0.0})
     places = sorted({first - evaluate(c.setback, known) for c in model.vehicle.contacts.values()})
     road = ground.shaping_filter()
-    _positive_numbers(ground, {**known, DISTANCE: first})
     kinks = _values(ground.breakpoints, known)
+    _along(ground, road, known, np.linspace(places[0], _last_place(model, known, duration), _PLACES), kinks)
+    for s in places if model.initial.ground == "stationary" or DISTANCE not in road.C.free_symbols else ():
+        grows = np.linalg.eigvals(C := _numbers(road.C, {**known, DISTANCE: s}))
+        if grows.size and grows.real.max() > 1e-9 * np.abs(C).max():
+            growth = grows[grows.real.argmax()]
+            raise ModelError(
+                f"the ground's filter is unstable: its eigenvalue {growth.real:.3g}"
+                + (f" +- {abs(growth.imag):.3g}i" if growth.imag else "")
+                + " (per unit of length) makes heights grow along the road; check the signs in its rates",
+                table="ground",
+            )
     spots = sorted({*places, *(k + d for k in kinks for d in (-1e-6, 1e-6))})
     for s in spots[:1000]:
         at = {**known, DISTANCE: s}
@@ -169,15 +192,37 @@ def _ground(model: Model, ground: Ground, known: dict[sp.Symbol, float]) -> None
     _smooth_enough(road, kinks, known, _asked(model))
 
 
-def _positive_numbers(ground: Ground, known: Mapping[sp.Symbol, float]) -> None:
-    positive = {key: ground.settings.get(key) for key in ("cutoff", "n0", "omega0")}
-    positive["rolling_contact"] = ground.rolling
-    positive["contact_patch"] = ground.patch[0] if ground.patch else None
-    for key, expr in positive.items():
-        if expr is not None and not evaluate(expr, known) > 0:
-            raise ModelError(
-                f"a positive number is wanted, not {evaluate(expr, known):g}", table="ground", key=key, token=""
-            )
+def _last_place(model: Model, known: Mapping[Any, Any], duration: float) -> float:
+    """Where the leading wheel is at the end, nearly."""
+    travel = model.travel
+    assert travel is not None
+    distance, times = travel.closed_distance(), np.linspace(0.0, duration, _GRID)
+    if distance is not None:
+        return float(evaluate(distance, {**known, TIME: duration}))
+    speed = np.broadcast_to(evaluate(travel.speed_expression(), {**known, TIME: times}), times.shape)
+    return float(evaluate(travel.start, known) + np.trapezoid(speed, times))
+
+
+def _along(
+    ground: Ground, road: ShapingFilter, known: Mapping[sp.Symbol, float], places: np.ndarray, kinks: list[float]
+) -> None:
+    """Numbers that are positive, or at least not negative, are that all along the road."""
+    s = np.sort([*places, *(k + d for k in kinks for d in (-1e-6, 1e-6) if places[0] < k < places[-1])])
+    numbers = {key: (ground.settings.get(key), True) for key in ("cutoff", "n0", "omega0")}
+    numbers |= {key: (ground.settings.get(key), False) for key in ("sigma", "gd")}
+    numbers["rolling_contact"] = ground.rolling, True
+    numbers["contact_patch"] = ground.patch[0] if ground.patch else None, True
+    for key, (expr, strictly) in [*numbers.items(), *(("noise", (road.Q[i, i], False)) for i in range(road.Q.rows))]:
+        if expr is None or isinstance(expr, tuple):
+            continue
+        varies = DISTANCE in expr.free_symbols
+        found = np.broadcast_to(evaluate(expr, {**known, DISTANCE: s if varies else s[0]}), s.shape)
+        wrong = ~(found > 0) if strictly else ~(found >= 0)
+        if wrong.any():
+            k = int(np.argmax(wrong))
+            what = "positive number" if strictly else "number that is not negative"
+            where = f" at s = {s[k]:g}" if varies else ""
+            raise ModelError(f"a {what} is wanted, not {found[k]:g}{where}", table="ground", key=key, token="")
 
 
 def _smooth_enough(road: ShapingFilter, kinks: list[float], known: Mapping[sp.Symbol, float], order: int) -> None:

@@ -71,7 +71,7 @@ class Travel:
     def _closed_distance(self) -> sp.Expr | None:
         if self.distance is not None:
             return self.distance
-        if self.table is not None and self.table.outside == "hold" and self.table.knots[0] >= 0:
+        if self.table is not None and self.table.outside != "extrapolate" and self.table.knots[0] >= 0:
             return self.start + travelled(self.table)
         way = integral(self.speed)
         return None if way is None else self.start + way

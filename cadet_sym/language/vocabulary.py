@@ -98,10 +98,11 @@ class ElementCall(sp.Function):
 
 
 class Lookup(sp.Function):
-    """A measured curve: `Lookup(z, (z_1, ..), (f_1, ..), "extrapolate"|"hold", "linear"|"monotone")`.
+    """A measured curve: `Lookup(z, (z_1, ..), (f_1, ..), "extrapolate"|"hold"|"end", "linear"|"monotone")`.
 
     Between the rows straight lines, or the monotone cubic of Fritsch and Butland (1984, SIAM J. Sci. Stat. Comput. 5,
-    300); outside, the last piece goes on, or the last value holds.
+    300); outside, the last piece goes on, or the last value holds. "end": nothing is known there, and a run must not get
+    there; only for a speed.
     """
 
     is_real = True
@@ -123,7 +124,7 @@ class Lookup(sp.Function):
 
     @property
     def outside(self) -> str:
-        """What happens outside the rows: "extrapolate" or "hold"."""
+        """What happens outside the rows: "extrapolate", "hold" or, of a speed, "end"."""
         return self.args[3].name
 
     @property

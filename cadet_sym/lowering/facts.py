@@ -70,6 +70,7 @@ class Facts:
     filters: tuple[FilterPlace, ...]
     delay: DelayGrid | None
     general: bool  # whether the functions serve for any numbers of the parameters
+    speed_ends: float | None = None  # the last time at which a measured speed is known
     integrated: tuple[str, ...] = ()  # parameters whose numbers the order of a quadrature was chosen for
 
     def to_json(self) -> bytes:

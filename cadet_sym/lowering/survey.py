@@ -43,8 +43,14 @@ def survey(equations: MomentEquations, parameters: tuple[str, ...]) -> Facts:
         delay=equations.delay,
         # A quadrature may choose its order by the parameters' numbers, the order of wheels is that of their setbacks.
         general=closed and len(system.copies) < 2,
+        speed_ends=_speed_ends(system),
         integrated=_integrated(equations, parameters),
     )
+
+
+def _speed_ends(system: AugmentedSystem) -> float | None:
+    travel = system.model.travel
+    return float(travel.table.knots[-1]) if travel and travel.table and travel.table.outside == "end" else None
 
 
 def _integrated(equations: MomentEquations, parameters: tuple[str, ...]) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from cadet_sym.errors import ModelError
+from cadet_sym.language import sense
 from cadet_sym.language.model import Model
 
 __all__ = ["CHECKED", "check_numbers", "checked_scheme", "choose_engine", "increasing", "output_times", "places_of"]
@@ -54,6 +55,8 @@ def output_times(model: Model, times: Sequence[float] | np.ndarray | None) -> np
         )
     if time[-1] == 0.0:
         raise ModelError("simulate: `times` hold nothing but 0; the moments there are the initial ones")
+    if time[-1] > model.number(model.run.duration):
+        sense.travels(model, float(time[-1]))
     return time
 
 
