@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from reference_models import toml
@@ -11,6 +12,7 @@ from scipy.special import k1
 
 import cadet_sym as cs
 from cadet_sym.language.coherence import ISOTROPIC_ERROR
+from cadet_sym.language.expression import DISTANCE
 from cadet_sym.language.modelfile import loads
 
 ROAD = cs.exponential(sigma=0.01, cutoff=0.3).rolling_contact(cutoff=4)
@@ -92,6 +94,23 @@ def test_tracks_of_full_coherence_are_one():
     np.testing.assert_allclose(full.variance["apart"], 0.0, atol=1e-15)
     np.testing.assert_allclose(full.variance["p"], 0.0, atol=1e-15)
     np.testing.assert_allclose(full.variance["front"], history("").variance["front"], rtol=1e-9)
+
+
+@pytest.mark.parametrize("share", [1.0, -1.0])
+@pytest.mark.parametrize("road", [ROAD, ROAD.contact_patch(0.3, 6), ROAD.with_profile(sp.sin(DISTANCE))])
+def test_full_coherence_needs_one_filter_whatever_the_road(road, share):
+    """The other had no noise: its variance, zero but for roundings, kept stationary moments from being found."""
+    ground = road.coherent(["left", "right"], [share], [1.0])
+    profile = road.profile is not None
+    assert len(ground.filters("left")) == (2 if share < 0 and profile else 1)
+    x, a, b = sp.symbols("x a b")
+    contacts = {a: cs.Contact(track="left"), b: cs.Contact(track="right", setback=1)}
+    together = cs.Model(cs.Vehicle({x: -3 * x + a + int(share) * b}, contacts), ground, cs.Travel(speed=5))
+    one_track = cs.Vehicle({x: -3 * x + a + b}, {a: cs.Contact(), b: cs.Contact(setback=1)})
+    alone = cs.Model(one_track, road, cs.Travel(speed=5))
+    if not profile:
+        found, want = (cs.compile(model).stationary() for model in (together, alone))
+        assert found.variance["x"] == pytest.approx(want.variance["x"], rel=1e-9)
 
 
 def test_partial_coherence_lies_between_and_keeps_the_variance_of_each_track():

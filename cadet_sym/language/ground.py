@@ -106,7 +106,8 @@ class Ground:
         if self.coherence is None or track not in self.coherence.tracks:
             return ((track, road, 1),)
         (pair, common), (apart, difference) = self.coherence.parts(road)
-        return (pair, common, 1), (apart, difference, 1 if track == self.coherence.tracks[0] else -1)
+        parts = (pair, common, 1), (apart, difference, 1 if track == self.coherence.tracks[0] else -1)
+        return tuple(part for part in parts if not part[1].is_flat) or parts[:1]  # of full coherence one is
 
     def shaping_filter(self) -> ShapingFilter:
         """The filter in distance, profile, patch and rolling contact included: xi' = C xi + D w + offset."""

@@ -32,6 +32,11 @@ class ShapingFilter:
     profile: sp.Expr = sp.S.Zero
 
     @property
+    def is_flat(self) -> bool:
+        """Whether there is neither a random height nor a deterministic one."""
+        return bool(self.D.is_zero_matrix and self.offset.is_zero_matrix and self.profile == 0)
+
+    @property
     def is_homogeneous(self) -> bool:
         """Whether the filter is the same all along the road; the deterministic part may vary."""
         return not any(DISTANCE in m.free_symbols for m in (self.C, self.D, self.Q, self.F))
