@@ -143,6 +143,10 @@ class CompiledModel:
         known = {**declared, **values} if values else declared
         return np.array([float(known[name]) for name in self.parameters])
 
+    @cached_property
+    def _declared_vector(self) -> Array:
+        return self.parameter_vector()
+
     def initial(self, parameters: Mapping[str, float] | None = None) -> Array:
         """The packed moments at t = 0.
 
@@ -344,7 +348,7 @@ class CompiledModel:
 
     def _refuse_senseless(self, p: Array, duration: float) -> None:
         """Look at a run as the declared one was looked at when the model was made."""
-        if duration > self.declaration.duration or not np.array_equal(p, self.parameter_vector()):
+        if duration > self.declaration.duration or not np.array_equal(p, self._declared_vector):
             refuse_senseless(self.functions, p, duration)
 
     def prepare(self, parameters: Sequence[Mapping[str, float]], **run: Any) -> None:

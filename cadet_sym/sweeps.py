@@ -215,8 +215,9 @@ def _results(
     if not waiting:
         return
     with _pool(executor, workers, most if threads else 0) as pool:
-        length = max(1, min(TOGETHER if threads else CHUNK, len(waiting) // (4 * most)))
-        chunks = [waiting[k : k + length] for k in range(0, len(waiting), length)]
+        count = most * max(4, -(-len(waiting) // (most * (TOGETHER if threads else CHUNK))))  # as much for each
+        edges = [len(waiting) * k // count for k in range(count + 1)]
+        chunks = [waiting[a:b] for a, b in itertools.pairwise(edges) if a < b]
         for future in _completed([pool.submit(task.some, chunk) for chunk in chunks]):
             yield from future.result()
 

@@ -29,13 +29,9 @@ class MachineCode:
     addresses: Mapping[str, int]
     _engine: Any
 
-    def function(self, name: str, *types: Any, returns: Any = None, brief: bool = False) -> Any:
-        """A function to be called with ctypes' types; it keeps this record alive.
-
-        What is brief keeps Python's lock: to hand it to another thread and get it back takes longer.
-        """
-        kind = ctypes.PYFUNCTYPE if brief else ctypes.CFUNCTYPE
-        function = kind(returns, *types)(self.addresses[name])
+    def function(self, name: str, *types: Any, returns: Any = None) -> Any:
+        """A function to be called with ctypes' types; it keeps this record alive."""
+        function = ctypes.CFUNCTYPE(returns, *types)(self.addresses[name])
         function.code = self  # type: ignore[attr-defined]
         return function
 

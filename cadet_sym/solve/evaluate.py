@@ -187,7 +187,7 @@ def outputs_over(lowered: MomentFunctions, time: Array, y: Array, p: Array) -> t
     inputs = [np.ascontiguousarray(part, dtype=float) for part in (time, y, p)]
     if (code := lowered.machine_outputs(len(time))) is not None:
         types = ctypes.c_int64, *[ctypes.c_void_p] * 5
-        run = _runs(lowered, "outputs", lambda: code.function("outputs_over", *types, brief=True))
+        run = _runs(lowered, "outputs", lambda: code.function("outputs_over", *types))
         mean, variance = np.empty(shape), np.empty(shape)
         run(len(time), *map(address, (*inputs, mean, variance)))
         return mean, variance

@@ -36,8 +36,7 @@ def past_onset(lowered: MomentFunctions, y: Array, p: Array, duration: float) ->
     y, p : packed moments at t = 0, and parameters.
     duration : of the run, or up to the first output.
     """
-    _, P = lowered.facts.packing.unpack(y)
-    if not duration > 0 or max(lowered.facts.arguments, default=0) < 2 or np.all(np.diag(P) > 0):
+    if not duration > 0 or max(lowered.facts.arguments, default=0) < 2 or np.all(y[lowered.facts.packing.diagonal] > 0):
         return None  # no function of two arguments, or its correlation is known from the start
 
     def rate(time: float, at: Array) -> Array:

@@ -98,4 +98,4 @@ def is_sound(y: Array, packing: Packing, size: Array) -> bool:
 def _look_over() -> Any:
     vector, number, integer = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
     types = vector, integer, integer, integer, vector, number, number, number, vector
-    return kernel(look_over).function("look_over", *types, returns=integer, brief=True)
+    return kernel(look_over).function("look_over", *types, returns=integer)
