@@ -218,8 +218,14 @@ def _results(
         count = most * max(4, -(-len(waiting) // (most * (TOGETHER if threads else CHUNK))))  # as much for each
         edges = [len(waiting) * k // count for k in range(count + 1)]
         chunks = [waiting[a:b] for a, b in itertools.pairwise(edges) if a < b]
-        for future in _completed([pool.submit(task.some, chunk) for chunk in chunks]):
-            yield from future.result()
+        futures = [pool.submit(task.some, chunk) for chunk in chunks]
+        try:
+            for future in _completed(futures):
+                yield from future.result()
+        except BaseException:  # who stops a sweep does not wait for what has not begun
+            for future in futures:
+                future.cancel()
+            raise
 
 
 def _leaves_the_lock(compiled: CompiledModel, run: MomentHistory | str) -> bool:

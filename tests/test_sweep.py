@@ -12,6 +12,7 @@ from conftest import ROOT
 from reference_models import toml
 
 import cadet_sym as cs
+from cadet_sym import sweeps
 from cadet_sym.errors import ModelError
 from cadet_sym.sweeps import sweep
 
@@ -75,6 +76,27 @@ def test_many_threads_give_the_serial_numbers_bit_for_bit(name, values):
         assert other.provenance.parameters == one.provenance.parameters
 
 
+@pytest.mark.parametrize("engine", ["auto", "direct", "stepping"])
+def test_threads_that_make_a_models_functions_at_once_get_the_same_numbers(engine, monkeypatch):
+    """Nothing is made beforehand, and Python's lock changes hands as often as it can."""
+    monkeypatch.setenv("CADET_SYM_CACHE", "off")
+    values, before = np.linspace(2.0, 9.0, 12).tolist(), sys.getswitchinterval()
+    alone = [cs.compile(toml(MODEL)).propagate(parameters={"k": k}, engine=engine) for k in values[:3]]
+    compiled = cs.compile(toml(MODEL))
+    sys.setswitchinterval(1e-5)
+    try:
+        with ThreadPoolExecutor(6) as executor:
+            found = list(executor.map(lambda k: compiled.propagate(parameters={"k": k}, engine=engine), values))
+    finally:
+        sys.setswitchinterval(before)
+    for one, other in zip(alone, found[:3], strict=True):
+        np.testing.assert_array_equal(other.state_covariance, one.state_covariance)
+    for k, other in zip(values, found, strict=True):
+        np.testing.assert_array_equal(
+            compiled.propagate(parameters={"k": k}, engine=engine).state_covariance, other.state_covariance
+        )
+
+
 def test_threads_keep_each_to_its_own_engine_and_failure():
     """Some points are stiff, some overflow, and go through SUNDIALS, whose output is caught from the whole process."""
     model = toml(MODEL.replace("0.4*v", "d*v").replace("e = 0.1", "e = 0.1\nd = 0.4"))
@@ -118,6 +140,21 @@ def test_a_point_that_fails_is_kept_as_such():
     assert "e = -50" in result.failures[1]
     assert result.to_xarray()["failed"].values.tolist() == [False, True]
     assert np.isnan(result.to_xarray()["mean"].sel(e=-50.0)).all()
+
+
+def test_a_sweep_that_is_stopped_begins_no_more_points(monkeypatch):
+    begun = []
+
+    def interrupted(task, values):
+        begun.append(values)
+        if len(begun) > 1:
+            raise KeyboardInterrupt
+        return task.compiled.propagate(parameters=values)
+
+    monkeypatch.setattr(sweeps._Task, "_at", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        sweep(toml(MODEL), {"k": np.linspace(2.0, 9.0, 200)}, workers=2, progress=False)
+    assert len(begun) < 20
 
 
 def test_the_bar_goes_to_standard_error(capsys):
