@@ -267,10 +267,11 @@ def show(
     as_json: Json = False,
 ) -> None:
     """Print the augmented equations, the describing functions and how each was obtained."""
+    from cadet_sym.lowering.measured import measured
     from cadet_sym.report.listing import Listing
 
     with _computing():
-        listing = Listing(cs.moment_equations(cs.linearise(cs.augment(_load(model, settings)))), checked=check)
+        listing = Listing(measured(cs.moment_equations(cs.linearise(cs.augment(_load(model, settings))))), checked=check)
         content = listing.to_dict() if as_json else None
         text = listing.latex() if latex else "\n".join(listing.lines())
     if content is not None:

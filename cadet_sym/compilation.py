@@ -121,6 +121,7 @@ def _lowered(model: Model, grid: Grid) -> LoweredSystem:
     """Every symbolic stage, one after the other."""
     from cadet_sym.augmentation import augment
     from cadet_sym.linearisation import linearise
+    from cadet_sym.lowering.measured import measured
     from cadet_sym.lowering.survey import survey
     from cadet_sym.lowering.system import lower
     from cadet_sym.moments import moment_equations
@@ -135,7 +136,7 @@ def _lowered(model: Model, grid: Grid) -> LoweredSystem:
         p = np.array([float(values[name]) for name in functions.parameters])
         best = suitable_grid(functions, p, np.zeros(equations.packing.moments), model.number(model.run.duration))
         equations = moment_equations(quasi_linear, best)
-    return lower(equations)
+    return lower(measured(equations))
 
 
 # -- files ------------------------------------------------------------------------------------------------

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import warnings
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations, pairwise
 from typing import TYPE_CHECKING
 
@@ -16,8 +15,8 @@ from sympy.core.relational import Relational
 from cadet_sym.errors import LinearisationError
 from cadet_sym.expectation.closed_form import normal
 from cadet_sym.expectation.existence import require_expectation
-from cadet_sym.expectation.pieces import TINY, Cell, Partition, Splitter, affine
-from cadet_sym.expectation.quadrature import PLAIN_ERROR, PLAIN_RULE, ExpectationWarning, Integral, Rule, Wish, stretches
+from cadet_sym.expectation.pieces import TINY, Cell, Partition, Splitter, affine, factored
+from cadet_sym.expectation.quadrature import PLAIN_ERROR, PLAIN_RULE, Integral, Rule, Wish, stretches
 from cadet_sym.expectation.steep import Steep, steep_places
 from cadet_sym.expectation.tables import written_out
 from cadet_sym.language.kinks import switching_functions
@@ -28,16 +27,20 @@ if TYPE_CHECKING:
     from cadet_sym.expectation.describing import DescribingFunction
 
 WITH_STEPS = Rule(1, 24, straight=32)
+WITH_CURVES = Rule(3, 24, straight=32)
+AT_ENDS = Rule(1, 16, straight=24, graded=20)
 TRAPEZOIDAL = Rule(order=80)
 WITH_POLES = Rule(order=56, straight=40)
 MAX_CROSSINGS = 4
 MAX_CURVES = 2
 WHOLE = Cell()
+SAME = 1e-12  # relative difference of points that are one
 INSIDE = 0.37  # how far within a cell it is looked at
 INNER_ERROR = 1e-9
 MAX_NODES = 50_000
-CURVED_ERROR = 1e-6  # of gains, the largest found where kinks lie on a curve
-LOST_ERROR = 1e-4  # the same where there are too many to follow
+SINGULAR_EFFORT = 3
+CURVED_ERROR = 1e-4  # of gains, the largest found where kinks lie on a curve
+LOST_ERROR = 0.1  # the same where there are too many to follow
 FOUND_ERROR = 1e-9  # the largest that these rules were found to leave, relative, up to correlation one
 
 
@@ -83,7 +86,7 @@ class Nested:
     slices: tuple[Slice, ...]
     steps: tuple[Step, ...]
     crossings: tuple[Crossing, ...]
-    error: float
+    error: float = field(compare=False)  # as such rules leave; `lowering.measured` knows more of this one
 
     def kinks(self) -> Iterator[tuple[int, sp.Expr]]:
         """Arguments and positions of kinks."""
@@ -116,6 +119,11 @@ class Nested:
         """Points at which the inner expectation is evaluated, times the points of that."""
         return sum(s.part.nodes * max(1, s.inner.nodes) for s in self.slices)
 
+    @property
+    def effort(self) -> int:
+        """Points that it would take for the same accuracy: singular ends need more."""
+        return self.nodes * (SINGULAR_EFFORT if any(any(s.part.singular) for s in self.slices) else 1)
+
 
 def nested(arguments: tuple[sp.Symbol, ...], used: tuple[int, ...], body: sp.Expr, where: str, wish: Wish) -> Nested:
     """Choose the argument to integrate over: one that leaves a closed form for the others, if there is one."""
@@ -128,27 +136,14 @@ def nested(arguments: tuple[sp.Symbol, ...], used: tuple[int, ...], body: sp.Exp
         except LinearisationError as error:
             reason = error
             continue
-        if candidate is not None and (best is None or candidate.nodes < best.nodes):
+        if candidate is not None and (best is None or candidate.effort < best.effort):
             best = candidate
     if best is None:
         raise reason or LinearisationError(
             f"{where}: in `{body}` the kinks of every argument depend on the others in a way that cannot be solved; "
             "write it with one linear form of the state in each comparison"
         )
-    if FOUND_ERROR < best.error <= LOST_ERROR and not wish.plain:
-        warnings.warn(
-            f"{where}: the kinks of `{body}` lie on curves across its arguments; gains are accurate to {best.error:.0e} only; "
-            "check it with cs.check",
-            ExpectationWarning,
-            stacklevel=2,
-        )
     if best.nodes > MAX_NODES and not wish.plain:
-        warnings.warn(
-            f"{where}: `{body}` is integrated over {len(used)} arguments at once, to about {PLAIN_ERROR:.0e} only; "
-            "write it as a sum of products of functions of fewer arguments, or check it with cs.check",
-            ExpectationWarning,
-            stacklevel=2,
-        )
         return nested(arguments, used, body, where, replace(wish, plain=True))
     if best.nodes > MAX_NODES:
         raise LinearisationError(
@@ -238,13 +233,30 @@ def _cells(
     except LinearisationError:
         pass
     z = splitter.z
-    own = {expr for expr in switching_functions(body, z) if not expr.has(*rest)}
-    points = sorted(_meetings(own | _differences(inner(body), z), z), key=lambda p: float(p) if p.is_number else 0.0)
+    own = {factor for expr in switching_functions(body, z) for factor in _factors(expr) if not factor.has(*rest)}
+    points = _distinct(_meetings(own | _differences(inner(body), z), z))
     if len(points) > 1 and not all(point.is_number for point in points):
         return None
     bounds = [sp.S.NegativeInfinity, *points, sp.S.Infinity]
     cells = [Cell.between(low, high) for low, high in pairwise(bounds)]
     return [(cell, _decided(body, z, rest, {**wish.sample, z: _inside(cell, wish)})) for cell in cells]
+
+
+def _factors(expr: sp.Expr) -> list[sp.Expr]:
+    """Those of a polynomial; anything else is one."""
+    return [factor for factor, _ in factored(expr)[1]] if expr.is_polynomial(*expr.free_symbols) else [expr]
+
+
+def _distinct(points: set[sp.Expr]) -> list[sp.Expr]:
+    """In order, of numbers that differ by rounding the simplest."""
+    numbers = sorted((p for p in points if p.is_number), key=float)
+    found: list[sp.Expr] = []
+    for point in numbers:
+        if found and abs(float(point) - float(found[-1])) <= SAME * (1 + abs(float(point))):
+            found[-1] = min(found[-1], point, key=lambda p: len(str(p)))
+        else:
+            found.append(point)
+    return [*found, *(p for p in points if not p.is_number)]
 
 
 def _meetings(differences: set[sp.Expr], z: sp.Symbol) -> set[sp.Expr]:
@@ -267,6 +279,22 @@ def _decided(body: sp.Expr, z: sp.Symbol, rest: tuple[sp.Symbol, ...], numbers: 
         switches = isinstance(expr, Relational | sp.sign | sp.Heaviside | sp.Abs | sp.Max | sp.Min)
         return switches and expr.has(z) and not expr.has(*rest) and expr.free_symbols <= numbers.keys()
 
+    def is_mixed(expr: sp.Basic) -> bool:
+        return isinstance(expr, sp.sign | sp.Heaviside | sp.Abs | Relational) and expr.has(z) and expr.has(*rest)
+
+    def parted(expr: sp.Basic) -> sp.Basic:
+        """A factor that holds the outer argument alone has one sign on the cell."""
+        whole = expr.lhs - expr.rhs if isinstance(expr, Relational) else expr.args[0]
+        own = sp.Mul(*(f for f in _factors(whole) if not f.has(*rest) and f.has(z) and f.free_symbols <= numbers.keys()))
+        if own == 1:
+            return expr
+        side, others = (1 if evaluate(own, numbers) > 0 else -1), sp.cancel(whole / own)
+        if isinstance(expr, Relational):
+            return expr.func(side * others, sp.S.Zero)
+        if isinstance(expr, sp.Heaviside):
+            return sp.Heaviside(side * others, *expr.args[1:])
+        return side * sp.sign(others) if isinstance(expr, sp.sign) else side * own * sp.Abs(others)
+
     def settled(expr: sp.Basic) -> sp.Basic:
         if isinstance(expr, sp.Abs):
             return expr.args[0] if evaluate(expr.args[0], numbers) > 0 else -expr.args[0]
@@ -276,7 +304,7 @@ def _decided(body: sp.Expr, z: sp.Symbol, rest: tuple[sp.Symbol, ...], numbers: 
         value = evaluate(expr, numbers)
         return sp.sympify(bool(value)) if isinstance(expr, Relational) else sp.Integer(int(value))
 
-    return body.replace(is_settled, settled)
+    return body.replace(is_settled, settled).replace(is_mixed, parted)
 
 
 def _differences(df: DescribingFunction, z: sp.Symbol) -> set[sp.Expr]:
@@ -317,7 +345,8 @@ def _ruled(piece: Slice, crossings: tuple[Crossing, ...], plain: bool) -> Slice:
     elif part.is_trapezoidal:
         rule = TRAPEZOIDAL
     elif any(place.step for place in part.steep) or any(part.singular):
-        rule = WITH_STEPS
+        on_curves = any(crossing.curve is not None for crossing in crossings)
+        rule = (AT_ENDS if any(part.singular) else WITH_CURVES) if on_curves else WITH_STEPS
     return replace(piece, part=replace(part, rule=rule))
 
 

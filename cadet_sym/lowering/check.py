@@ -109,7 +109,7 @@ def check(
         if not covariance.any():
             rows.append((*_without_variance(df, numbers, mean, F[0], scale), mean, covariance))
             continue
-        truth = _Truth.of(df, numbers, mean, covariance, budget // (len(grid) - k))
+        truth = Truth.of(df, numbers, mean, covariance, TOLERANCE[len(mean)], budget // (len(grid) - k))
         budget -= truth.evaluations
         sure.append(truth.own)
         rows += [(*row, mean, covariance) for row in truth.compared(F, gain)]
@@ -188,14 +188,16 @@ Row = tuple[float, bool, float, float]
 def _without_variance(
     df: DescribingFunction, numbers: Mapping[sp.Symbol, float], mean: np.ndarray, found: float, scale: float
 ) -> Row:
-    beside = BESIDE * (1 + np.abs(mean))  # at a jump, the mean of its two sides
-    plain = float(_value(df, numbers, mean - beside) + _value(df, numbers, mean + beside)) / 2
-    around = np.abs([_value(df, numbers, mean + side * scale) for side in (-1, 0, 1)])
+    """At a jump the mean of its two sides is wanted; either side will do where rounding moves the mean off it."""
+    beside = BESIDE * (1 + np.abs(mean))
+    sides = [float(_value(df, numbers, mean + sign * beside)) for sign in (-1, 0, 1)]
+    plain = min((sum(sides[::2]) / 2, *sides), key=lambda value: abs(found - value))
+    around = np.abs([_value(df, numbers, mean + side * scale) for side in (-1, -0.3, -0.1, 0, 0.1, 0.3, 1)])
     return abs(found - plain) / max(around.max(), 1e-300), False, found, plain
 
 
 @dataclass(frozen=True)
-class _Truth:
+class Truth:
     """E[f] and the gains by integration of f, each with the unit of its error and the error itself in that."""
 
     values: np.ndarray
@@ -205,26 +207,38 @@ class _Truth:
 
     @staticmethod
     def of(
-        df: DescribingFunction, numbers: Mapping[sp.Symbol, float], mean: np.ndarray, covariance: np.ndarray, most: int
-    ) -> _Truth:
-        """For one mean and covariance; with Stein gain = S^-1 E[f (z - m)] = L^-T E[f e]."""
+        df: DescribingFunction,
+        numbers: Mapping[sp.Symbol, float],
+        mean: np.ndarray,
+        covariance: np.ndarray,
+        tolerance: float,
+        most: int,
+    ) -> Truth:
+        """For one mean and covariance, in no more than so many evaluations.
+
+        With Stein gain = S^-1 E[f (z - m)] = L^-T E[f e].
+        """
         L = np.linalg.cholesky(covariance)
-        found = integrate(df.arguments, df.body, numbers, mean, L, tolerance=TOLERANCE[len(mean)], most=most)
+        found = integrate(df.arguments, df.body, numbers, mean, L, tolerance=tolerance, most=most)
         size, back = max(found.size, 1e-300), np.linalg.inv(L).T
         units = np.array([size, *(size / np.sqrt(np.diag(covariance)))])
         errors = found.error * np.array([1.0, *np.linalg.norm(back, axis=1)])
-        return _Truth(np.array([found.value, *(back @ found.moments)]), units, errors / units, found.evaluations)
+        return Truth(np.array([found.value, *(back @ found.moments)]), units, errors / units, found.evaluations)
 
     @property
     def own(self) -> float:
         """The largest error of the integration itself."""
         return float(self.errors.max())
 
+    def rows(self, F: np.ndarray, gain: np.ndarray) -> Iterator[tuple[float, float, float, float]]:
+        """What was found, the truth, the unit of the error, and the truth's own error in that; E[f], then every gain."""
+        yield from zip(map(float, (*F, *gain)), self.values, self.units, self.errors, strict=True)
+
     def compared(self, F: np.ndarray, gain: np.ndarray) -> Iterator[Row]:
         """What was found held against it."""
-        for i, (found, wanted) in enumerate(zip([*F, *gain], self.values, strict=True)):
-            error, own = abs(found - wanted) / self.units[i], self.errors[i]
-            yield (float(max(error - own, 0.0) if own > SURE else error), i > 0, float(found), float(wanted))
+        for i, (found, wanted, unit, own) in enumerate(self.rows(F, gain)):
+            error = abs(found - wanted) / unit
+            yield float(max(error - own, 0.0) if own > SURE else error), i > 0, found, float(wanted)
 
 
 def _value(df: DescribingFunction, numbers: Mapping[sp.Symbol, float], z: np.ndarray) -> np.ndarray:

@@ -60,10 +60,10 @@ class _Conditioning:
                 z = self._points(piece, nodes)
                 value, inner, slope = self._given(piece.inner, piece.slope, z, nodes.u)
                 weight = ca.if_else(high > low, nodes.weight, 0)
-                F += ca.dot(weight, value.T)
-                gains[nested.outer] += ca.dot(weight, slope.T)
+                F += _sum(weight, value)
+                gains[nested.outer] += _sum(weight, slope)
                 for a, i in enumerate(nested.others):
-                    gains[i] += ca.dot(weight, inner[a, :].T)
+                    gains[i] += _sum(weight, inner[a, :])
         for step in nested.steps:
             phi, u = outer.density(step.position)
             value, _, _ = self._given(step.inner, step.inner, outer.value(step.position), -u)
@@ -134,7 +134,7 @@ class _Conditioning:
         absolute = ca.sqrt(real * real + (4 * A * size) ** 2)
         longer = ca.sqrt((absolute + ca.fabs(real)) / 2)
         longer = ca.if_else(longer > PARALLEL, longer, PARALLEL)
-        return u, ca.if_else(real > 0, size / longer, longer / ca.fabs(2 * A))
+        return _frozen(u, ca.if_else(real > 0, size / longer, longer / ca.fabs(2 * A)))
 
     def _points(self, piece: Slice, nodes: Nodes) -> ca.SX:
         outer = self.outer
@@ -155,6 +155,17 @@ class _Conditioning:
         q = ca.vertcat(z, ca.repmat(parameters, 1, z.shape[1])) if free else z
         F, gains, slopes = function(means, ca.repmat(self.covariances, 1, z.shape[1]), q)
         return F, gains, slopes
+
+
+def _frozen(u: ca.SX, width: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """A place to a part of its width, and that to three digits, with no derivative: the integral does not depend on them."""
+    width = ca.exp(ca.floor(ca.log(width + PARALLEL) * 2**10) / 2**10)
+    return ca.floor(u / width * 2**10) / 2**10 * width, width
+
+
+def _sum(weight: ca.SX, values: ca.SX) -> ca.SX:
+    """What is infinite at a singular end has no weight there."""
+    return ca.dot(weight, ca.if_else(weight != 0, values.T, 0))
 
 
 def _inner_function(df: DescribingFunction, slope: DescribingFunction, free: tuple[sp.Symbol, ...]) -> ca.Function:

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 from cadet_sym.augmentation import AugmentedSystem
 from cadet_sym.expectation.accuracy import WARNED
 from cadet_sym.expectation.describing import DescribingFunction
 from cadet_sym.language.expression import DISTANCE, TIME
-from cadet_sym.linearisation import OutputForm
+from cadet_sym.linearisation import Nonlinearity, OutputForm
 from cadet_sym.lowering.facts import Facts, FilterPlace
 from cadet_sym.moments import MomentEquations
 
-__all__ = ["describing_functions", "is_accurate", "survey"]
+__all__ = ["describing_functions", "is_accurate", "survey", "with_elements"]
 
 
 def survey(equations: MomentEquations, parameters: tuple[str, ...]) -> Facts:
@@ -35,9 +36,7 @@ def survey(equations: MomentEquations, parameters: tuple[str, ...]) -> Facts:
         gated=bool(equations.gates),
         explicit=_explicit(system),
         filters=tuple(
-            FilterPlace(
-                copy.contact, copy.start, len(copy.filter.states), profile=not copy.filter.offset.is_zero_matrix
-            )
+            FilterPlace(copy.contact, copy.start, len(copy.filter.states), profile=not copy.filter.offset.is_zero_matrix)
             for copy in system.copies
         ),
         delay=equations.delay,
@@ -77,6 +76,29 @@ def describing_functions(equations: MomentEquations) -> Iterator[DescribingFunct
         yield element.describing
     for form in equations.quasi_linear.outputs.values():
         yield from _of_output(form)
+
+
+Change = Callable[[Nonlinearity, str], Nonlinearity]
+"""An element and what messages call it -> what it becomes."""
+
+
+def with_elements(equations: MomentEquations, change: Change) -> MomentEquations:
+    """The same equations with other elements, of the rates, of the outputs and of their variances; themselves if none is."""
+    quasi_linear = equations.quasi_linear
+    elements = tuple(change(element, element.describing.name) for element in quasi_linear.elements)
+    outputs = {name: _with_elements(form, f"output `{name}`", change) for name, form in quasi_linear.outputs.items()}
+    same = all(a is b for a, b in zip(elements, quasi_linear.elements, strict=True))
+    if same and outputs == dict(quasi_linear.outputs):
+        return equations
+    return replace(equations, quasi_linear=replace(quasi_linear, elements=elements, outputs=outputs))
+
+
+def _with_elements(form: OutputForm, where: str, change: Change) -> OutputForm:
+    return replace(
+        form,
+        elements=tuple(change(element, where) for element in form.elements),
+        products={key: _with_elements(product, where, change) for key, product in form.products.items()},
+    )
 
 
 def _of_output(form: OutputForm) -> Iterator[DescribingFunction]:

@@ -17,7 +17,8 @@ from cadet_sym.expectation.nested import Nested
 from cadet_sym.expectation.planar import Planar
 from cadet_sym.expectation.smooth import with_counts
 from cadet_sym.language.expression import symbol
-from cadet_sym.linearisation import Nonlinearity, OutputForm
+from cadet_sym.linearisation import Nonlinearity
+from cadet_sym.lowering.survey import with_elements
 from cadet_sym.moments import MomentEquations
 
 __all__ = ["unrolled"]
@@ -31,13 +32,9 @@ COUNTS = (40, 24)
 
 def unrolled(equations: MomentEquations) -> MomentEquations:
     """The same equations with fixed numbers of nodes; themselves if all are fixed already."""
-    quasi = equations.quasi_linear
-    numbers = {symbol(name): float(value) for name, value in quasi.system.model.parameter_values().items()}
-    elements = tuple(_element(element, element.describing.name, numbers) for element in quasi.elements)
-    outputs = {name: _output(form, f"output `{name}`", numbers) for name, form in quasi.outputs.items()}
-    if all(a is b for a, b in zip(elements, quasi.elements, strict=True)) and outputs == dict(quasi.outputs):
-        return equations
-    return replace(equations, quasi_linear=replace(quasi, elements=elements, outputs=outputs))
+    values = equations.quasi_linear.system.model.parameter_values()
+    numbers = {symbol(name): float(value) for name, value in values.items()}
+    return with_elements(equations, lambda element, where: _element(element, where, numbers))
 
 
 def _element(element: Nonlinearity, where: str, numbers: Mapping[sp.Symbol, float]) -> Nonlinearity:
@@ -59,11 +56,3 @@ def _fixed(part: Product | Nested | Planar, where: str, numbers: Mapping[sp.Symb
             "leave it out, or give the curves fewer rows"
         )
     return replace(part, written_out=True)
-
-
-def _output(form: OutputForm, where: str, numbers: Mapping[sp.Symbol, float]) -> OutputForm:
-    return replace(
-        form,
-        elements=tuple(_element(element, where, numbers) for element in form.elements),
-        products={key: _output(product, where, numbers) for key, product in form.products.items()},
-    )

@@ -12,9 +12,10 @@ import sympy as sp
 from cadet_sym.augmentation import AugmentedSystem, NoiseSource
 from cadet_sym.expectation import DescribingFunction
 from cadet_sym.expectation.formula import tidy
-from cadet_sym.language.expression import DISTANCE, SPEED, TIME
+from cadet_sym.language.expression import SPEED
 from cadet_sym.linearisation import Nonlinearity, readable, shown
 from cadet_sym.lowering.check import ElementCheck, check
+from cadet_sym.lowering.measured import numbers_at_start
 from cadet_sym.moments import MomentEquations
 
 __all__ = ["Listing"]
@@ -56,8 +57,7 @@ class Listing:
         """What adaptive integration says of every nonlinearity, at t = s = 0 and speed 1 where it depends on them."""
         if not self.checked:
             return (None,) * len(self.elements)
-        start = {TIME.name: 0.0, DISTANCE.name: 0.0, SPEED.name: 1.0}
-        numbers = {**self.system.model.parameter_values(), **start}
+        numbers = {s.name: value for s, value in numbers_at_start(self.equations).items()}
         return tuple(check(element.describing, numbers) for element in self.elements)
 
     def to_dict(self) -> dict[str, Any]:
