@@ -17,6 +17,7 @@ from cadet_sym.delay import transport_matrix
 from cadet_sym.lowering.kernel import Vector, kernel, kernel_text, part
 from cadet_sym.packing import Packing
 from cadet_sym.solve import backward, runge_kutta
+from cadet_sym.solve.breakdown import Breakdown
 from cadet_sym.solve.implicit import Inverse, PackedIndex, scaled_form
 from cadet_sym.solve.native import FEW, MANY, Native, _march, _parts
 from cadet_sym.solve.scales import Tolerance
@@ -232,6 +233,19 @@ def test_a_moment_that_runs_away_is_told_with_what_was_reached():
     assert 0 < len(partial.time) < 1001
     assert "x" in str(caught.value)
     assert np.isfinite(partial.state_covariance).all()
+
+
+def test_where_too_many_steps_led_is_told_with_the_moments_there(shipped):
+    """Another engine goes on from there."""
+    compiled = shipped("oleo_acceleration")
+    functions, y, p = compiled.functions, compiled.initial(), compiled.parameter_vector()
+    size = np.ones(len(y))
+    with pytest.raises(Breakdown) as caught:
+        Native(functions, p, Tolerance(1e-9, 1e-3, size, steps=7)).advance(0.0, y, np.array([10.0]))
+    told = caught.value
+    assert told.time is not None
+    again = Native(functions, p, Tolerance(1e-11, 1e-3, size)).advance(0.0, y, np.array([told.time]))
+    np.testing.assert_allclose(told.y, again[0], rtol=1e-6, atol=1e-9)
 
 
 # -- the implicit formulas ------------------------------------------------------------------------------------

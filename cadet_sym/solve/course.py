@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from threading import RLock
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +21,7 @@ from cadet_sym.solve.breakdown import Breakdown, explain
 from cadet_sym.solve.cvodes import Direct
 from cadet_sym.solve.krylov import Stepping
 from cadet_sym.solve.native import Native, integrate_together
+from cadet_sym.solve.onset import onset
 from cadet_sym.solve.scales import Tolerance
 from cadet_sym.solve.stiff import Stiff
 
@@ -30,6 +31,9 @@ Array = npt.NDArray[np.float64]
 
 SWING = 0.5
 """Share of a step's tolerance that explicit formulas of CVODES are given."""
+
+PATIENCE = 5_000
+"""Steps between two output times after which the gains, held during a step, react too strongly to be held."""
 
 ENGINES = ("auto", "direct", "implicit", "krylov", "explicit", "stepping", "native", "stiff")
 
@@ -52,13 +56,14 @@ class Start:
     y: Array
     p: Array
     breakpoints: tuple[float, ...] = ()
-    beyond: tuple[float, Array] | None = None
-    """Where the rate jumps at t = 0, the time and the packed moments on the far side (see `onset`)."""
 
-    @property
-    def first(self) -> tuple[float, Array]:
-        """Time and packed moments from which to integrate."""
-        return self.beyond or (0.0, self.y)
+
+class March(NamedTuple):
+    """Moments (k, size) at the times of a run, by which engine, and whether it set out from gains that may have misled it."""
+
+    y: Array
+    engine: Engine
+    doubtful: bool
 
 
 class Engine(Protocol):
@@ -70,9 +75,15 @@ class Engine(Protocol):
         ...
 
     @property
-    def steps(self) -> int:
-        """How much work it was."""
+    def stiff(self) -> bool:
+        """Whether its formulas are implicit."""
         ...
+
+    lowered: MomentFunctions
+    p: Array
+    tolerance: Tolerance
+    steps: int
+    """How much work it was."""
 
     def advance(self, begin: float, y: Array, grid: Array) -> Array:
         """Packed moments (k, size) at the times of the grid, from y at `begin`; raises Breakdown."""
@@ -81,8 +92,7 @@ class Engine(Protocol):
 
 def edges(start: Start, grid: Array) -> list[float]:
     """Where the run begins, its known breakpoints, and where it ends."""
-    first = start.first[0]
-    return [first, *sorted(b for b in set(start.breakpoints) if first < b < grid[-1]), float(grid[-1])]
+    return [0.0, *sorted(b for b in set(start.breakpoints) if 0.0 < b < grid[-1]), float(grid[-1])]
 
 
 def march(
@@ -93,13 +103,13 @@ def march(
     tolerance: Tolerance,
     asked: float | None = None,
     engine: Engine | None = None,
-) -> tuple[Array, Engine]:
-    """Integrate stretch by stretch; returns the moments at the times, and the engine, which may be given.
+) -> March:
+    """Integrate stretch by stretch; the engine may be given.
 
     A breakdown leaves as it is, or, where the tolerance asked for is given, explained to the user.
     """
     engine = engine or _engine(lowered, start.p, kind, tolerance)
-    y, found, known = start.first[1], np.empty((len(grid), len(start.y))), 0
+    y, found, known, doubtful = start.y, np.empty((len(grid), len(start.y))), 0, False
     if grid[0] == 0:
         found[0], known = start.y, 1
     for begin, end in itertools.pairwise(edges(start, grid)):
@@ -109,7 +119,7 @@ def march(
         inside = grid[known:last]
         stretch = _stretch(inside, end)
         try:
-            values = _advance(engine, begin, y, stretch)
+            values, honest = _advance(engine, begin, y, stretch)
         except Breakdown as breakdown:
             if asked is None:
                 raise
@@ -118,8 +128,8 @@ def march(
             partial = Trajectory(grid[: len(kept)], kept, engine.name, asked)
             raise explain(lowered, start.p, breakdown, begin, y, partial) from None
         found[known:last], known = values[: inside.size], last
-        y = values[-1]
-    return found, engine
+        y, doubtful = values[-1], doubtful or not honest
+    return March(found, engine, doubtful)
 
 
 def _stretch(inside: Array, end: float) -> Array:
@@ -135,7 +145,7 @@ def march_ahead(
     for start, tolerance in zip(starts, tolerances, strict=True):
         begin, end, *_ = edges(start, grid)
         inside = grid[int(grid[0] == 0) : int(grid.searchsorted(end, side="right"))]
-        runs.append((Native(lowered, start.p, tolerance), begin, start.first[1], _stretch(inside, end)))
+        runs.append((Native(lowered, start.p, tolerance), begin, start.y, _stretch(inside, end)))
     integrate_together(runs)
     return [engine for engine, *_ in runs]
 
@@ -149,19 +159,24 @@ def _engine(lowered: MomentFunctions, p: Array, kind: str, tolerance: Tolerance)
         if kind == "explicit":  # many small errors of one sign add up where moments swing
             tolerance = replace(tolerance, relative=tolerance.relative * SWING)
         return Direct(lowered, p, tolerance, stiff=kind == "direct")
+    if kind == "implicit":
+        tolerance = replace(tolerance, steps=PATIENCE)
     return Stepping(lowered, p, tolerance, stiff=kind != "stepping", full_newton=kind == "krylov")
 
 
-def _advance(engine: Engine, begin: float, y: Array, stretch: Array) -> Array:
-    """One stretch; what the engine gives up, scikit-sundae's CVODE goes through, or it is said how far it came."""
+def _advance(engine: Engine, begin: float, y: Array, stretch: Array) -> tuple[Array, bool]:
+    """One stretch, and whether it began with gains that are those of the run.
+
+    What the engine gives up, scikit-sundae's CVODE goes through, or it is said how far it came.
+    """
     try:
-        return _alone(engine, begin, y, stretch)
+        return _from_onset(engine, begin, y, stretch)
     except Breakdown as first:
-        if not isinstance(engine, Direct | Native | Stiff):
+        if isinstance(engine, Stepping) and (engine.full_newton or not engine.stiff):
             raise
         second = Stepping(engine.lowered, engine.p, engine.tolerance, stiff=True, full_newton=True)
         try:
-            return _alone(second, begin, y, stretch)
+            return _from_onset(second, begin, y, stretch)
         except Breakdown:
             if first.found is None:
                 raise
@@ -169,6 +184,25 @@ def _advance(engine: Engine, begin: float, y: Array, stretch: Array) -> Array:
 
 
 _turns = RLock()
+
+
+def _from_onset(engine: Engine, begin: float, y: Array, stretch: Array) -> tuple[Array, bool]:
+    """One stretch with one engine; implicit formulas begin where the gains do not mislead them."""
+    if not engine.stiff:
+        return _alone(engine, begin, y, stretch), True
+    first = onset(engine.lowered, engine.p, engine.tolerance, begin, y, stretch)
+    if not first.steps:
+        return _alone(engine, begin, y, stretch), first.honest
+    engine.steps += first.steps
+    if len(first.found) == len(stretch):
+        return first.found, True
+    try:
+        rest = _alone(engine, first.time, first.y, stretch[len(first.found) :])
+    except Breakdown as breakdown:
+        if breakdown.found is not None:
+            breakdown.found = np.vstack([first.found, breakdown.found])
+        raise
+    return np.vstack([first.found, rest]), first.honest
 
 
 def _alone(engine: Engine, begin: float, y: Array, stretch: Array) -> Array:

@@ -43,6 +43,7 @@ class Stepping:
     full_newton: bool = False  # let GMRES ask for true products of Jacobian and vector
     rate: Rate = field(init=False)
     refreshes: int = field(default=0, init=False)
+    steps: int = field(default=0, init=False)  # evaluations of the rate: scikit-sundae counts no steps
 
     def __post_init__(self) -> None:
         self.rate = Rate(self.lowered, self.p)
@@ -60,14 +61,9 @@ class Stepping:
             return "CVODE (Adams, fixed-point)"
         return "CVODE (BDF, GMRES + Lyapunov)" if self.full_newton else "CVODE (BDF, Newton + Lyapunov)"
 
-    @property
-    def steps(self) -> int:
-        """Evaluations of the rate, scikit-sundae counts no steps."""
-        return self.rate.count
-
     def advance(self, begin: float, y: Array, grid: Array) -> Array:
         """Packed moments (k, size) at the times of the grid, from y at `begin`."""
-        solver = self._solver()
+        solver, before = self._solver(), self.rate.count
         end = float(grid[-1])
         found = np.empty((len(grid), len(y)))
         # What is not finite makes SUNDIALS shorten its step; scikit-sundae prints what it also returns.
@@ -78,6 +74,7 @@ class Stepping:
                     found[k] = y
                     continue
                 result = solver.step(float(t), "normal", end)
+                self.steps, before = self.steps + self.rate.count - before, self.rate.count
                 if not result.success or not np.abs(result.y).max(initial=0.0) < FAR:
                     reason = "Its steps shrink to nothing." if self.rate.stalled else str(result.message)
                     raise Breakdown(reason, found[:k], float(result.t), np.array(result.y))

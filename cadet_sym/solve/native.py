@@ -70,6 +70,7 @@ class Native:
     pairs: tuple[Pair, ...] = field(default=(DORMAND_PRINCE,), init=False)
     ahead: Call | None = field(default=None, init=False)  # made for the first stretch
     name = "Runge-Kutta 8(5,3), machine code"
+    stiff = False
 
     def __post_init__(self) -> None:
         if self.lowered.facts.delay is not None:

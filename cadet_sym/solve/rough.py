@@ -64,7 +64,7 @@ def _rough_run(lowered: MomentFunctions, start: Start, duration: float) -> Outli
     for fraction in (1e-6, 1e-3):
         guess = Tolerance(ROUGH, ABSOLUTE, np.full(packing.size, fraction * small), STEPS)
         try:
-            y, _ = march(lowered, start, grid, kind, guess)
+            y = march(lowered, start, grid, kind, guess).y
         except Breakdown:
             continue
         return Outline(peaks(np.vstack([start.y, y]), packing), np.array([start.y, y[len(y) // 2 - 1], y[-1]]))

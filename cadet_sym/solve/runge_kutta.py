@@ -216,6 +216,8 @@ def march(
             known += 1
             if known == points:
                 return 0
+        if _step == most:  # or y would be a step ahead of the time that is reported
+            break
         rest = grid[known] - t
         taken = h
         if h >= rest:

@@ -7,7 +7,7 @@ wants another one.
 from __future__ import annotations
 
 import ctypes
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -21,7 +21,6 @@ from cadet_sym.solve.breakdown import Breakdown
 from cadet_sym.solve.evaluate import behind, gains
 from cadet_sym.solve.implicit import scaled_form
 from cadet_sym.solve.lyapunov import ModalForm
-from cadet_sym.solve.native import Native
 from cadet_sym.solve.scales import Tolerance
 
 __all__ = ["MANY_STATES", "ModalArrays", "Stiff", "modal_arrays"]
@@ -34,15 +33,6 @@ MANY_STATES = 100
 STEPS = 20_000
 """Most steps of a stretch: more means that the gains react so strongly that other ways are better."""
 
-FIRST = 2_000
-"""Explicit steps at the start, where the gains there mislead: where they are ..."""
-
-BEYOND = 10.0
-"""... so many times those ..."""
-
-VARIANCE = 1e-2
-"""... at this share of the variances that the run reaches."""
-
 
 @dataclass
 class Stiff:
@@ -53,6 +43,7 @@ class Stiff:
     tolerance: Tolerance
     steps: int = field(default=0, init=False)
     name = "BDF (Newton + Lyapunov), machine code"
+    stiff = True
 
     def advance(self, begin: float, y: Array, grid: Array) -> Array:
         """Packed moments (k, size) at the times of the grid, from y at `begin`."""
@@ -64,12 +55,6 @@ class Stiff:
         work = np.zeros(1 + VECTORS * size + MATRICES * n * n + 2 * n + 150)
         found, state, sizes = np.empty((len(grid), size)), np.zeros(STATE), np.ascontiguousarray(self.tolerance.size)
         state[0], latest, status = begin, np.nextafter(times[-1], begin), REFRESH
-        if self._misleading(begin, y):
-            explicit = self._begin(begin, y, times)
-            if explicit.time is None:
-                return explicit.found
-            state[0], state[7], x[:] = explicit.time, len(explicit.found), explicit.y
-            found[: len(explicit.found)] = explicit.found
         while status == REFRESH:
             form = self._form(float(state[0]), x)
             state[8], state[9] = 1.0, -1.0
@@ -88,32 +73,6 @@ class Stiff:
             raise Breakdown("the result is not finite")
         return found
 
-    def _misleading(self, t: float, y: Array) -> bool:
-        """Whether the gains at the start say nothing of the run: those of friction, without variance, have no bound."""
-        packing, usual = self.lowered.facts.packing, y.copy()
-        usual[packing.n : packing.moments] += self._variances * VARIANCE
-        here, there = (np.abs(gains(self.lowered, t, at, self.p)).max(initial=0.0) for at in (y, usual))
-        return not here <= BEYOND * there
-
-    def _begin(self, begin: float, y: Array, times: Array) -> _Begun:
-        """The first steps, explicit: as far as they lead."""
-        explicit = Native(self.lowered, self.p, replace(self.tolerance, steps=FIRST))
-        try:
-            return _Begun(explicit.advance(begin, y, times), None, y)
-        except Breakdown as told:
-            if told.found is None or told.time is None or told.y is None or not told.time > begin:
-                raise
-            return _Begun(told.found, told.time, told.y)
-        finally:
-            self.steps += explicit.steps
-
-    @property
-    def _variances(self) -> Array:
-        """Size of every variance at its place among the packed covariances; zero at the others."""
-        packing = self.lowered.facts.packing
-        rows, columns = packing.triangle
-        return np.where(rows == columns, self.tolerance.size[packing.n : packing.moments], 0.0)
-
     def _form(self, t: float, y: Array) -> ModalArrays:
         """The modal form of N at packed moments y, as `backward` takes it."""
         packing = self.lowered.facts.packing
@@ -123,12 +82,6 @@ class Stiff:
         if not np.isfinite(N).all():
             raise Breakdown("The equivalent gains are not finite.")
         return modal_arrays(scaled_form(N, scale), scale)
-
-
-class _Begun(NamedTuple):
-    found: Array  # (k, size) at the times passed
-    time: float | None  # reached; None where that is the end
-    y: Array  # there
 
 
 class ModalArrays(NamedTuple):
