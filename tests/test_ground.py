@@ -428,7 +428,7 @@ def kind(text: str) -> Model:
         ('kind = "shaping_filter"\nrates = { h = "-h" }', "`height` is missing"),
         ('kind = "shaping_filter"\nrates = { h = "-h + w" }\nheight = "h"', "undeclared name `w`"),
         ('kind = "shaping_filter"\nrates = { h = "-h*w" }\nnoise = { w = 1 }\nheight = "h"', "not linear"),
-        ('kind = "shaping_filter"\nrates = { h = "-h + w" }\nnoise = { w = -1 }\nheight = "h"', "not negative is wanted, not -1"),
+        ('kind = "shaping_filter"\nrates = { h = "-h + w" }\nnoise = { w = -1 }\nheight = "h"', "is wanted, not -1"),
         ('kind = "shaping_filter"\nrates = { h = "-h + w" }\nnoise = { h = 1 }\nheight = "h"', "state and a noise"),
         ('kind = "shaping_filter"\nrates = { h = "-h + w" }\nnoise = { w = 1 }\nheight = "h*w"', "white noise"),
         (

@@ -258,7 +258,8 @@ def test_a_header_that_is_not_si_must_be_declared(folder):
 
 def test_curves_are_written_row_by_row_and_read_back(folder):
     text = edited(
-        MEASURED, ('[travel]\nspeed = "a*t"', '[travel]\nspeed = { table = "run.csv", units = ["s", "km/h"], outside = "hold" }')
+        MEASURED,
+        ('[travel]\nspeed = "a*t"', '[travel]\nspeed = { table = "run.csv", units = ["s", "km/h"], outside = "hold" }'),
     )
     text = edited(text, ("rolling_contact = 2.0", 'rolling_contact = 2.0\nprofile = { table = "bump.csv" }'))
     model = loads(text, folder=folder)
