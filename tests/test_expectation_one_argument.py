@@ -188,9 +188,39 @@ def test_a_curve_may_be_scaled_shifted_multiplied_and_squared():
             assert gain == pytest.approx(slope, rel=1e-4, abs=1e-4)
 
 
+@pytest.mark.parametrize("outside", ["extrapolate", "hold"])
+@pytest.mark.parametrize("method", ["linear", "monotone"])
+@pytest.mark.parametrize("power", [2, 3])
+def test_a_power_of_a_curve_is_a_curve(power, outside, method):
+    curve = table(7, outside, method)
+    describing = describing_function((Z,), 3 * curve.subs(Z, 1 - 2 * Z) ** power)
+    ((_, univariate),) = describing.products[0].functions
+    assert bool(univariate.tables) == (method == "linear" or power < 3)  # beyond, every piece by itself
+    function = element_function(describing, ())
+    pieces = element_function(describing_function((Z,), sp.expand(3 * curve.as_piecewise().subs(Z, 1 - 2 * Z) ** power)), ())
+    for m, s in [*MOMENTS[:4], (0.05, 0.0), (-3.0, 0.1)]:
+        wanted = values(pieces(m, s * s, []))
+        assert np.allclose(values(function(m, s * s, [])), wanted, rtol=1e-9, atol=1e-9 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("text", ["clip(z, -1, 1)**6", "z**5 if abs(z) < 1 else 0.5*z", "z**3 if abs(z) < 1 else z"])
+def test_polynomials_between_kinks_keep_their_digits_from_far_away(text):
+    """Beyond its kinks z^6 is a million times what it is between them: E[clip(z, -1, 1)^6] came out as -4096."""
+    f = expression(text)
+    function = element_function(describing_function((Z,), f), ())
+    for m, s in [(0.1, 1.0), (-0.4, 10.0), (3.0, 100.0), (0.0, 1e3), (5e3, 1e3)]:
+        wanted, slope = one(lambda z: evaluate(f, {Z: z}), m, s, [-1, 1])
+        size = one(lambda z: abs(evaluate(f, {Z: z})), m, s, [-1, 0, 1])[0]
+        F, gain = values(function(m, s * s, []))
+        assert pytest.approx(wanted, abs=1e-12 * size) == F
+        assert gain == pytest.approx(slope, abs=1e-11 * size / s)
+
+
 def test_many_rows_cost_one_pass():
-    function = element_function(describing_function((Z,), table(200, "extrapolate", "linear")), ())
-    assert function.n_instructions() < 120 * 200
+    curve = table(200, "extrapolate", "linear")
+    for body, share in ((curve, 120), (curve**2, 150)):
+        function = element_function(describing_function((Z,), body), ())
+        assert function.n_instructions() < share * 200
 
 
 # -- refusals ---------------------------------------------------------------------------------------------------------

@@ -155,7 +155,7 @@ def piecewise_form(cells: Iterable[tuple[sp.Expr, sp.Expr, Boolean, Decompositio
     for lower, upper, condition, parts in cells:
         finite = [bound for bound in (lower, upper) if not bound.is_infinite]
         centre = finite[0] if finite else sp.S.Zero
-        parts = {key: tuple(_where(condition, c) for c in value) for key, value in parts.items()}
+        parts = {key: tuple(where(condition, c) for c in value) for key, value in parts.items()}
         terms = _nonzero(_shifted(key, coefficients, centre) for key, coefficients in parts.items())
         if terms:
             segments.append(Segment(lower, upper, centre, terms))
@@ -175,7 +175,13 @@ def jump_of(terms: tuple[Term, ...], order: int) -> sp.Expr:
     return total.as_real_imag()[0] if total.has(sp.I) else total
 
 
-def _where(condition: Boolean, value: sp.Expr) -> sp.Expr:
+def about(centre: sp.Expr, coefficients: Coefficients) -> Coefficients:
+    """Coefficients of a polynomial in powers of the distance from a point."""
+    return _shifted(PLAIN, coefficients, centre).coefficients
+
+
+def where(condition: Boolean, value: sp.Expr) -> sp.Expr:
+    """A value where a condition on parameters holds, else zero."""
     if condition == sp.true or value == 0:
         return value
     return sp.Piecewise((value, condition), (sp.S.Zero, sp.true), evaluate=False)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import sympy as sp
 
@@ -12,10 +13,15 @@ from cadet_sym.language.curve import coefficients
 from cadet_sym.language.numeric import quotient
 from cadet_sym.language.vocabulary import Lookup
 
+HIGHEST = 6
+"""Degree of the polynomials between the knots of a power of a curve that is still taken as a curve."""
+
+DEGREE = {"linear": 1, "monotone": 3}
+
 
 @dataclass(frozen=True)
 class Table:
-    """factor * curve(slope z + offset), the curve a polynomial in each interval between its knots.
+    """factor * curve(slope z + offset), the curve (or a power of it) a polynomial in each interval between its knots.
 
     `segments[i]` holds the polynomial below knot i, the last one that above the last knot; in powers of the distance from
     `centres[i]`. `changes[i]` is by how much the polynomial changes at knot i, in powers of the distance from it.
@@ -34,20 +40,32 @@ class Table:
         """Degree of the polynomials."""
         return len(self.segments[0]) - 1
 
+    def ends(self) -> Table:
+        """The same before the first knot and beyond the last, zero between them."""
+        knots, centres = (self.knots[0], self.knots[-1]), (self.centres[0], self.knots[0], self.centres[-1])
+        first, last = self.segments[0], self.segments[-1]
+        nothing = (0.0,) * len(first)
+        before = [-c for c in _moved(first, knots[0] - centres[0])]
+        after = _moved(last, knots[1] - centres[2])
+        return replace(
+            self, knots=knots, centres=centres, segments=(first, nothing, last), changes=(tuple(before), tuple(after))
+        )
+
 
 def tables_in(body: sp.Expr, z: sp.Symbol) -> tuple[tuple[Table, ...], sp.Expr]:
-    """Take the terms `factor * curve(affine in z)` out of a sum; write all other curves out as conditionals."""
+    """Take the terms `factor * curve(affine in z)**n` out of a sum; write all other curves out as conditionals."""
     tables, rest = [], []
     for term in sp.Add.make_args(body):
         if not term.has(Lookup):
             rest.append(term)
             continue
-        factor, curve = term.as_independent(z, as_Add=False)
+        factor, varying = term.as_independent(z, as_Add=False)
+        curve, power = varying.as_base_exp()
         line = affine(curve.argument, z) if isinstance(curve, Lookup) else None
-        if line is None or factor.has(Lookup):
+        if line is None or factor.has(Lookup) or power not in range(1, HIGHEST // DEGREE[curve.method] + 1):
             rest.append(written_out(term))
         else:
-            tables.append(_table(curve, factor, *line))
+            tables.append(_table(curve, factor, *line, int(power)))
     return tuple(tables), sp.Add(*rest)
 
 
@@ -61,14 +79,14 @@ def lookup_table(curve: Lookup) -> Table:
     return _table(curve, sp.S.One, sp.S.One, sp.S.Zero)
 
 
-def _table(curve: Lookup, factor: sp.Expr, slope: sp.Expr, offset: sp.Expr) -> Table:
-    pieces = [list(piece) for piece in coefficients(curve)]
+def _table(curve: Lookup, factor: sp.Expr, slope: sp.Expr, offset: sp.Expr, power: int = 1) -> Table:
+    pieces = [_power(piece, power) for piece in coefficients(curve)]
     knots = list(curve.knots)
     size = len(pieces[0])
     centres = knots[:-1]
     if curve.outside == "hold":
         flat = [sp.S.Zero] * (size - 1)
-        pieces = [[curve.values[0], *flat], *pieces, [curve.values[-1], *flat]]
+        pieces = [[curve.values[0] ** power, *flat], *pieces, [curve.values[-1] ** power, *flat]]
         centres = [knots[0], *centres, knots[-1]]
         bends = knots
     else:
@@ -80,7 +98,19 @@ def _table(curve: Lookup, factor: sp.Expr, slope: sp.Expr, offset: sp.Expr) -> T
     )  # fmt: skip
 
 
-def _moved(polynomial: Sequence[sp.Expr], by: sp.Expr) -> list[sp.Expr]:
+def _power(polynomial: Sequence[sp.Expr], n: int) -> list[sp.Expr]:
+    """Coefficients of the n-th power."""
+    result = list(polynomial)
+    for _ in range(n - 1):
+        product = [sp.S.Zero] * (len(result) + len(polynomial) - 1)
+        for i, a in enumerate(result):
+            for j, b in enumerate(polynomial):
+                product[i + j] += a * b
+        result = product
+    return result
+
+
+def _moved(polynomial: Sequence[Any], by: Any) -> list[Any]:
     """Coefficients about a centre further on."""
     result = list(polynomial)
     for start in range(len(result) - 1):  # Horner's rule, repeated

@@ -3,19 +3,37 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 
 import sympy as sp
+from sympy.logic.boolalg import Boolean
 
-from cadet_sym.expectation.closed_form import PiecewiseForm, Term, decompose, jump_of, normal, piecewise_form
+from cadet_sym.expectation.closed_form import (
+    PLAIN,
+    Coefficients,
+    Decomposition,
+    PiecewiseForm,
+    Term,
+    about,
+    decompose,
+    jump_of,
+    normal,
+    piecewise_form,
+    where,
+)
 from cadet_sym.expectation.errorfunction import ErrorFunction, error_functions_in
 from cadet_sym.expectation.existence import require_expectation
 from cadet_sym.expectation.pieces import Cell, Splitter
 from cadet_sym.expectation.quadrature import Integral, Wish, integrals
 from cadet_sym.expectation.steep import singular_at
 from cadet_sym.expectation.tables import Table, tables_in
+
+STEEP = 3
+"""Degree from which on a polynomial between two kinks is taken by itself: below, a thousand widths away, 1e-10 is left."""
+
+_Known = tuple[sp.Expr, sp.Expr, Boolean, Decomposition]
 
 
 @dataclass(frozen=True)
@@ -39,11 +57,36 @@ class Jump:
 
 
 @dataclass(frozen=True)
+class Bounded:
+    """A polynomial between two kinks, zero elsewhere."""
+
+    lower: sp.Expr
+    upper: sp.Expr
+    coefficients: Coefficients  # in powers of the distance from the middle
+    closed: PiecewiseForm
+    jumps: tuple[Jump, ...]
+
+
+@dataclass(frozen=True)
+class Apart:
+    """The closed part and its jumps once more, for wide distributions: polynomials between two kinks each by itself.
+
+    Seen from far away, what a polynomial is beyond its kinks is many times what it is between them, and sums of such
+    numbers lose all digits.
+    """
+
+    closed: PiecewiseForm
+    jumps: tuple[Jump, ...]
+    bounded: tuple[Bounded, ...]
+
+
+@dataclass(frozen=True)
 class Univariate:
     """f(z) = closed + tables + error functions + integrals; the jumps are those of closed and integrals."""
 
     closed: PiecewiseForm
     jumps: tuple[Jump, ...] = ()
+    apart: Apart | None = None
     tables: tuple[Table, ...] = ()
     error_functions: tuple[ErrorFunction, ...] = ()
     integrals: tuple[Integral, ...] = ()
@@ -99,7 +142,27 @@ def univariate(body: sp.Expr, z: sp.Symbol, where: str, wish: Wish) -> Univariat
             cells.append((cell, value))
             parts_left.extend(integrals(cell, value, z, where, wish))
     closed = piecewise_form(known)
-    return Univariate(closed, tuple(_jumps(closed, cells, z)), tables, tuple(error_functions), tuple(parts_left))
+    jumps = tuple(_jumps(closed, cells, z))
+    return Univariate(closed, jumps, _apart(known, cells, z), tables, tuple(error_functions), tuple(parts_left))
+
+
+def _apart(known: Sequence[_Known], cells: Iterable[tuple[Cell, sp.Expr]], z: sp.Symbol) -> Apart | None:
+    """The polynomials between two kinks that are steep enough to need it, apart; None if there are none."""
+    steep = [part for part in known if _is_steep(*part)]
+    if not steep:
+        return None
+    rest = piecewise_form(part for part in known if part not in steep)
+    bounded = []
+    for lower, upper, condition, parts in steep:
+        form = piecewise_form([(lower, upper, condition, parts)])
+        middle = (lower + upper) / 2
+        coefficients = about(middle, tuple(where(condition, c) for c in parts[PLAIN]))
+        bounded.append(Bounded(lower, upper, coefficients, form, tuple(_jumps(form, (), z))))
+    return Apart(rest, tuple(_jumps(rest, cells, z)), tuple(bounded))
+
+
+def _is_steep(lower: sp.Expr, upper: sp.Expr, _condition: Boolean, parts: Decomposition) -> bool:
+    return not (lower.is_infinite or upper.is_infinite) and set(parts) == {PLAIN} and len(parts[PLAIN]) > STEEP
 
 
 def _is_summable(parts: Iterable[tuple[sp.Expr, sp.Expr]], cell: Cell) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -9,16 +10,16 @@ import casadi as ca
 import sympy as sp
 
 from cadet_sym.expectation.closed_form import PLAIN_TERM, Kink, PiecewiseForm, Segment, Term, normal
-from cadet_sym.expectation.quadrature import REACH, Integral, lay_out
+from cadet_sym.expectation.quadrature import REACH, Integral, lay_out, legendre
 from cadet_sym.expectation.steep import about_end, without_cancellation
 from cadet_sym.expectation.tables import Table
-from cadet_sym.expectation.univariate import Univariate
+from cadet_sym.expectation.univariate import Apart, Bounded, Univariate
 from cadet_sym.lowering.algebra import CasadiAlgebra
 from cadet_sym.lowering.complex import Complex, complex_exp, select
 from cadet_sym.lowering.errorfunction import error_function_moment
 from cadet_sym.lowering.expressions import Lowering
 from cadet_sym.lowering.special import clipped, density, hermite, magnitude, mills_moments, positive_part
-from cadet_sym.lowering.tables import table_moment
+from cadet_sym.lowering.tables import NARROW, NARROW_ORDER, table_moment
 
 # Added to the variance inside: far below what the variance of any state is resolved to, so that F and the gain are those
 # of the variance itself, and so large that s^-6 is finite: derivatives at a jump go as powers of 1/s.
@@ -60,15 +61,9 @@ class Gaussian:
         """F_k = d^k E[f] / dm^k, k = order; without the impulses that jumps of f^(j), j < since, leave in f^(k)."""
         if order > 1 and function.is_singular:
             return self._by_derivative(function, order)
-        form = function.closed
-        for _ in range(order):
-            form = form.derivative()
-        total = self._piecewise(form)
-        for jump in function.jumps:
-            for j in range(since, order):
-                size = jump.size(j)
-                if size != 0:
-                    total += self.value(size) * self.impulse(jump.position, order - 1 - j)
+        total = self._closed(function, order, since)
+        if function.apart is not None and not since:
+            total = self._apart(function.apart, order, total)
         for table in function.tables:
             total += table_moment(table, self, order)
         for error_function in function.error_functions:
@@ -76,6 +71,38 @@ class Gaussian:
         for part in function.integrals:
             total += self._integral(part, order)
         return total
+
+    def _closed(self, part: Univariate | Apart | Bounded, order: int, since: int = 0) -> ca.SX:
+        """F_k of what is piecewise in closed form, and of jumps."""
+        form = part.closed
+        for _ in range(order):
+            form = form.derivative()
+        total = self._piecewise(form)
+        for jump in part.jumps:
+            for j in range(since, order):
+                size = jump.size(j)
+                if size != 0:
+                    total += self.value(size) * self.impulse(jump.position, order - 1 - j)
+        return total
+
+    def _apart(self, apart: Apart, order: int, together: ca.SX) -> ca.SX:
+        """The same with polynomials between kinks by themselves, where the distribution is wider than one of them."""
+        total, least = self._closed(apart, order), ca.SX(math.inf)
+        for piece in apart.bounded:
+            width = self.value(piece.upper) - self.value(piece.lower)
+            least = ca.fmin(least, width)
+            total += ca.if_else(width < NARROW * self.s, self._narrow(piece, width, order), self._closed(piece, order))
+        return ca.if_else(ca.logic_and(least < NARROW * self.s, least > 0), total, together)
+
+    def _narrow(self, piece: Bounded, width: ca.SX, order: int) -> ca.SX:
+        """F_k of a polynomial over a stretch on which the density hardly bends: Gauss and Legendre's rule is exact."""
+        nodes, weights = (ca.DM(x) for x in legendre(NARROW_ORDER))
+        x = width * (nodes - 0.5)
+        value = ca.SX(0)
+        for coefficient in reversed(piece.coefficients):
+            value = value * x + self.value(coefficient)
+        u = clipped((x + self.value((piece.lower + piece.upper) / 2) - self.m) / self.s)
+        return width * ca.dot(weights, value * hermite(u, order) * density(u)) / self.s ** (order + 1)
 
     def _by_derivative(self, function: Univariate, order: int) -> ca.SX:
         """Beyond the gain, a function with a singular point is differentiated by CasADi."""
