@@ -16,9 +16,11 @@ import sympy as sp
 from sympy.logic.boolalg import Boolean
 
 from cadet_sym.errors import LinearisationError
+from cadet_sym.expectation.homogeneous import homogeneous
 from cadet_sym.expectation.nested import Nested, nested
 from cadet_sym.expectation.pieces import Cell, Splitter, has_kinks
 from cadet_sym.expectation.planar import Planar
+from cadet_sym.expectation.polar import Homogeneous
 from cadet_sym.expectation.quadrature import Wish
 from cadet_sym.expectation.smooth import planar
 from cadet_sym.expectation.tables import written_out
@@ -89,7 +91,9 @@ class _Term:
     functions: tuple[tuple[int, sp.Expr], ...]
 
 
-def products(arguments: tuple[sp.Symbol, ...], body: sp.Expr, where: str, wish: Wish) -> tuple[Product | Nested | Planar, ...]:
+def products(
+    arguments: tuple[sp.Symbol, ...], body: sp.Expr, where: str, wish: Wish
+) -> tuple[Product | Nested | Planar | Homogeneous, ...]:
     """Write a function as a sum of terms whose expectation is known.
 
     Raises
@@ -100,24 +104,30 @@ def products(arguments: tuple[sp.Symbol, ...], body: sp.Expr, where: str, wish: 
     if len(arguments) == 1:
         return (Product(sp.S.One, (0,), ((0, univariate(body, arguments[0], where, wish)),)),)
     terms, rest = _separated(arguments, body, where)
-    found: list[Product | Nested | Planar] = []
+    found: list[Product | Nested | Planar | Homogeneous] = []
     for term in _merged(terms):
         product = _product(term, arguments, where, wish)
         if isinstance(product, Product):
             found.append(product)
         else:
             rest.append(product)
+    if rest and (whole := homogeneous(arguments, _used(arguments, body), body, wish)) is not None:
+        return (whole,)
     groups: dict[tuple[int, ...], list[sp.Expr]] = defaultdict(list)
     for expr in rest:
-        groups[tuple(i for i, z in enumerate(arguments) if expr.has(z))].append(expr)
+        groups[_used(arguments, expr)].append(expr)
     for used, exprs in groups.items():
         found.append(_integrated(arguments, used, sp.Add(*exprs), where, wish))
     return tuple(found)
 
 
+def _used(arguments: tuple[sp.Symbol, ...], expr: sp.Expr) -> tuple[int, ...]:
+    return tuple(i for i, z in enumerate(arguments) if expr.has(z))
+
+
 def _integrated(
     arguments: tuple[sp.Symbol, ...], used: tuple[int, ...], body: sp.Expr, where: str, wish: Wish
-) -> Nested | Planar:
+) -> Nested | Planar | Homogeneous:
     if len(used) > MAX_ARGUMENTS:
         names = ", ".join(str(arguments[i]) for i in used)
         raise LinearisationError(
@@ -125,7 +135,8 @@ def _integrated(
             f"products of functions of one argument each; no more than {MAX_ARGUMENTS} can be integrated over. "
             "Split it: give a part of it a state of its own (a fast first-order filter), or write it as a sum of products"
         )
-    return planar(arguments, used, body, wish) or nested(arguments, used, body, where, wish)
+    found = homogeneous(arguments, used, body, wish) or planar(arguments, used, body, wish)
+    return found or nested(arguments, used, body, where, wish)
 
 
 # -- separation -------------------------------------------------------------------------------------------------------

@@ -16,9 +16,9 @@ The same code lays out the nodes in NumPy, where the error is estimated, and in 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,7 @@ import sympy as sp
 
 from cadet_sym.expectation.pieces import Cell
 from cadet_sym.expectation.steep import Steep, singular_at, steep_places
+from cadet_sym.language.numeric import erf
 
 REACH = 8.0  # standard deviations from the mean; 1e-15 of the probability lies beyond
 PANEL = 1.5  # length of the panel at a singular end where something else is steep, in standard deviations
@@ -60,6 +61,17 @@ class NumpyAlgebra:
     fmin = staticmethod(np.fmin)
     fmax = staticmethod(np.fmax)
     where = staticmethod(np.where)
+    cos = staticmethod(np.cos)
+    sin = staticmethod(np.sin)
+    asin = staticmethod(np.arcsin)
+    atan2 = staticmethod(np.arctan2)
+    atanh = staticmethod(np.arctanh)
+    floor = staticmethod(np.floor)
+    erf = staticmethod(erf)
+
+    def total(self, x: np.ndarray) -> np.ndarray:
+        """Sums of columns."""
+        return np.sum(x, axis=0)
 
     def frozen(self, x: Number) -> Number:
         """The number itself."""
@@ -146,7 +158,7 @@ class Integral:
 
 @dataclass(frozen=True)
 class Nodes:
-    """Places u with weights that hold phi(u), as columns; if the stretch has a singular end, also the distance from it."""
+    """Places u with weights, as columns; if the stretch has a singular end, also the distance from it."""
 
     u: Number
     weight: Number
@@ -169,8 +181,59 @@ def composite(panels: int, order: int) -> tuple[np.ndarray, np.ndarray]:
     return ((starts + nodes) / panels).ravel(), np.tile(weights / panels, panels)
 
 
+@dataclass(frozen=True)
+class Panel:
+    """A stretch of the line, and how it is run through by nodes on [0, 1]."""
+
+    run: Callable[..., Nodes]  # (t, w, algebra, numbers) -> nodes, the weights without a density
+    numbers: tuple[Number, ...]
+    rule: tuple[np.ndarray, np.ndarray]  # t, w
+
+    def nodes(self, t: Number, w: Number, xp: Algebra) -> Nodes:
+        """The nodes that those on [0, 1] become."""
+        return self.run(t, w, xp, *self.numbers)
+
+
+def _straight(t: Number, w: Number, xp: Algebra, low: Number, high: Number) -> Nodes:
+    return Nodes(low + (high - low) * t, w * (high - low))
+
+
+def _graded(t: Number, w: Number, xp: Algebra, end: Number, first: Number, last: Number) -> Nodes:
+    """By u = end + tau^4."""
+    tau = first + (last - first) * t
+    distance = tau**4
+    return Nodes(end + distance, 4 * tau**3 * (last - first) * w, distance)
+
+
+def _from_end(t: Number, w: Number, xp: Algebra, end: Number, stop: Number, *, power: int) -> Nodes:
+    """By u = end + stop t^power."""
+    distance = stop * t**power
+    return Nodes(end + distance, stop * (power * t ** (power - 1) * w), distance, stop)
+
+
+def _stretched(
+    t: Number, w: Number, xp: Algebra, centre: Number, width: Number, first: Number, last: Number, sign: int
+) -> Nodes:
+    """By u = centre + sign l asinh((w/l) sinh(tau))."""
+    grow = xp.exp(first + (last - first) * t)
+    distance, slope = _distances(grow, 1 / grow, width, _spacing(width, xp), xp)
+    return Nodes(centre + sign * distance, w * (last - first) * slope)
+
+
+def _spacing(width: Number, xp: Algebra) -> Number:
+    """l of a pole."""
+    return xp.sqrt(width * width + SPACED**2)
+
+
+def _distances(grow: Number, fall: Number, width: Number, length: Number, xp: Algebra) -> tuple[Number, Number]:
+    """Distance from a pole and its derivative in tau, where exp(tau) = grow = 1/fall."""
+    half = width / 2
+    ratio = (half / length) * (grow - fall)
+    return length * xp.asinh(ratio), half * (grow + fall) / xp.sqrt(ratio * ratio + 1)
+
+
 def lay_out(part: Integral, low: Number, high: Number, steep: list[tuple[Number, Number]], xp: Algebra) -> list[Nodes]:
-    """Nodes on the stretch from low to high, which lies within reach.
+    """Nodes on the stretch from low to high, which lies within reach, their weights with the normal density.
 
     Parameters
     ----------
@@ -178,16 +241,45 @@ def lay_out(part: Integral, low: Number, high: Number, steep: list[tuple[Number,
     steep : centre and width in u of each of `part.steep`.
     xp : the algebra of the numbers.
     """
-    layout = _Layout(part, xp)
+    if part.is_trapezoidal:
+        return [_Layout(part, xp).trapezoidal(low, high, *steep[0])]
+    if part.rule.hermite and part.is_whole_line and not steep:
+        u, w = np.polynomial.hermite_e.hermegauss(part.rule.straight)
+        return [Nodes(xp.column(u), xp.column(w / ROOT_TWO_PI))]
+    found = []
+    for panel in panels(part, low, high, steep, xp):
+        nodes = panel.nodes(xp.column(panel.rule[0]), xp.column(panel.rule[1]), xp)
+        nodes = replace(nodes, weight=nodes.weight * density(nodes.u, xp))
+        found.append(finished(part, nodes, -high if part.singular[1] else low, xp))
+    return found
+
+
+def panels(
+    part: Integral,
+    low: Number,
+    high: Number,
+    steep: list[tuple[Number, Number]],
+    xp: Algebra,
+    narrowest: float = NARROWEST,
+) -> list[Panel]:
+    """The stretches into which one is cut, whose nodes have yet to be `finished`; no steep place is taken as narrower."""
+    layout = _Layout(part, xp, narrowest)
     if part.singular[1]:  # the singular end comes first
         low, high, steep = -high, -low, [(-centre, width) for centre, width in steep]
-    if part.is_trapezoidal:
-        nodes = [layout.trapezoidal(low, high, *steep[0])]
-    elif steep:
-        nodes = layout.split(low, high, steep)
-    else:
-        nodes = layout.smooth(low, high)
-    return [layout.finished(n, low) for n in nodes]
+    return layout.split(low, high, steep) if steep else layout.smooth(low, high)
+
+
+def finished(part: Integral, nodes: Nodes, end: Number, xp: Algebra) -> Nodes:
+    """The nodes with their distance from a singular end, if there is one, turned round if the stretch was."""
+    if not any(part.singular):
+        return nodes
+    distance = nodes.u - end if nodes.distance is None else nodes.distance
+    return replace(nodes, u=-nodes.u if part.singular[1] else nodes.u, distance=xp.fmax(distance, TINY))
+
+
+def density(u: Number, xp: Algebra) -> Number:
+    """phi(u)."""
+    return xp.exp(u * u * -0.5) * (1 / ROOT_TWO_PI)
 
 
 @dataclass(frozen=True)
@@ -202,84 +294,59 @@ class _Place:
 class _Layout:
     """Lays out one stretch; the singular end, if there is one, is the lower one."""
 
-    def __init__(self, part: Integral, xp: Algebra):
-        self.part, self.rule, self.xp = part, part.rule, xp
-        self.singular, self.mirrored = any(part.singular), part.singular[1]
+    def __init__(self, part: Integral, xp: Algebra, narrowest: float = NARROWEST):
+        self.part, self.rule, self.xp, self.narrowest = part, part.rule, xp, narrowest
+        self.singular = any(part.singular)
         self.has_steps = any(place.step for place in part.steep)
-
-    def finished(self, nodes: Nodes, end: Number) -> Nodes:
-        """The nodes with their distance from a singular end, turned round if the stretch was."""
-        if not self.singular:
-            return nodes
-        distance = self.xp.fmax(nodes.u - end if nodes.distance is None else nodes.distance, TINY)
-        return replace(nodes, u=-nodes.u if self.mirrored else nodes.u, distance=distance)
 
     # -- nothing steep --------------------------------------------------------------------------------------------
 
-    def smooth(self, low: Number, high: Number) -> list[Nodes]:
+    def smooth(self, low: Number, high: Number) -> list[Panel]:
         """One panel, and a graded one at a singular end."""
-        if self.rule.hermite and self.part.is_whole_line:
-            u, w = np.polynomial.hermite_e.hermegauss(self.rule.straight)
-            return [Nodes(self.xp.column(u), self.xp.column(w / ROOT_TWO_PI))]
         if not self.singular:
             return [self.straight(low, high)]
         return [self.graded(low, 0.0, high - low)] if self.rule.whole else self.from_end(low, high - low)
 
-    def straight(self, low: Number, high: Number) -> Nodes:
+    def straight(self, low: Number, high: Number) -> Panel:
         """One panel, which may be as long as the whole stretch."""
-        t, w = (self.xp.column(x) for x in legendre(self.rule.straight))
-        u = low + (high - low) * t
-        return Nodes(u, w * (high - low) * self.density(u))
+        return Panel(_straight, (low, high), legendre(self.rule.straight))
 
-    def from_end(self, end: Number, length: Number) -> list[Nodes]:
+    def from_end(self, end: Number, length: Number) -> list[Panel]:
         """From a singular end inwards: a graded panel, then a straight one."""
         first = self.xp.fmin(length, PANEL)
         return [self.graded(end, 0.0, first), self.straight(end + first, end + length)]
 
-    def graded(self, end: Number, start: Number, stop: Number) -> Nodes:
+    def graded(self, end: Number, start: Number, stop: Number) -> Panel:
         """From start to stop away from a singular end, by u = end + t^power."""
-        t, w = (self.xp.column(x) for x in legendre(self.rule.graded))
-        power = self.rule.power
-        at_end = isinstance(start, float) and start == 0
-        if at_end:
-            distance = stop * t**power
-            weight = stop * (power * t ** (power - 1) * w)
-        else:
-            first, last = self.root(start), self.root(stop)
-            tau = first + (last - first) * t
-            distance = tau**power
-            weight = power * tau ** (power - 1) * (last - first) * w
-        u = end + distance
-        return Nodes(u, weight * self.density(u), distance, stop if at_end else None)
+        rule = legendre(self.rule.graded)
+        if isinstance(start, float) and start == 0:
+            return Panel(partial(_from_end, power=self.rule.power), (end, stop), rule)
+        return Panel(_graded, (end, self.root(start), self.root(stop)), rule)
 
     def root(self, x: Number) -> Number:
         """The inverse of the substitution at a singular end, of power 4."""
         return self.xp.sqrt(self.xp.sqrt(x + TINY))
-
-    def density(self, u: Number) -> Number:
-        """phi(u)."""
-        return self.xp.exp(u * u * -0.5) * (1 / ROOT_TWO_PI)
 
     # -- steep places ---------------------------------------------------------------------------------------------
 
     def trapezoidal(self, low: Number, high: Number, centre: Number, width: Number) -> Nodes:
         """The whole line in equal steps of tau, u = c + width sinh(tau)."""
         count = self.rule.order
-        centre, width = map(self.xp.frozen, _projected(centre, width, low, high, self.xp))
-        length = self.xp.sqrt(width * width + SPACED**2)
+        centre, width = map(self.xp.frozen, self.projected(centre, width, low, high))
+        length = _spacing(width, self.xp)
         first = -self.substituted(centre - low, width, length)
         last = self.substituted(high - centre, width, length)
         step = (last - first) / (count - 1)
         up, down = self.xp.geometric(first, step, count)
-        distance, slope = self.distances(up, down, width, length)
+        distance, slope = _distances(up, down, width, length, self.xp)
         u = centre + distance
-        return Nodes(u, step * slope * self.density(u))
+        return Nodes(u, step * slope * density(u, self.xp))
 
-    def split(self, low: Number, high: Number, steep: list[tuple[Number, Number]]) -> list[Nodes]:
+    def split(self, low: Number, high: Number, steep: list[tuple[Number, Number]]) -> list[Panel]:
         """Both sides of every steep place, up to half the way to the next one."""
         places = self.sorted_places(low, high, steep)
         sides = self.part.steep[0]
-        nodes: list[Nodes] = []
+        nodes: list[Panel] = []
         for i, place in enumerate(places):
             before = places[i - 1] if i else None
             after = places[i + 1] if i + 1 < len(places) else None
@@ -299,7 +366,7 @@ class _Layout:
         """The places in order, those outside moved to the nearest end."""
         rows = []
         for (centre, width), kind in zip(steep, self.part.steep, strict=True):
-            inside, wide = _projected(centre, width, low, high, self.xp)
+            inside, wide = self.projected(centre, width, low, high)
             if not kind.step:
                 wide = self.xp.frozen(wide)
                 inside = self.xp.frozen(inside) if kind.sides == 2 else inside
@@ -307,7 +374,7 @@ class _Layout:
             rows.append((inside, scale, over))
         return [_Place(*row) for row in _sorted(rows, self.xp)]
 
-    def side(self, place: _Place, other: _Place | None, length: Number, sign: int) -> list[Nodes]:
+    def side(self, place: _Place, other: _Place | None, length: Number, sign: int) -> list[Panel]:
         """One side of a steep place; `other` is the next one on its other side."""
         xp, scale, over = self.xp, place.scale, place.over
         if other is not None:
@@ -323,15 +390,11 @@ class _Layout:
             self.stretched(place.centre, scale, over, length, sign),
         ]
 
-    def stretched(self, centre: Number, width: Number, start: Number, end: Number, sign: int) -> Nodes:
+    def stretched(self, centre: Number, width: Number, start: Number, end: Number, sign: int) -> Panel:
         """From start to end away from a pole."""
-        t, w = (self.xp.column(x) for x in composite(self.rule.panels, self.rule.order))
-        length = self.xp.sqrt(width * width + SPACED**2)
+        length = _spacing(width, self.xp)
         first, last = self.substituted(start, width, length), self.substituted(end, width, length)
-        grow = self.xp.exp(first + (last - first) * t)
-        distance, slope = self.distances(grow, 1 / grow, width, length)
-        u = centre + sign * distance
-        return Nodes(u, w * (last - first) * slope * self.density(u))
+        return Panel(_stretched, (centre, width, first, last, sign), composite(self.rule.panels, self.rule.order))
 
     def substituted(self, distance: Number, width: Number, length: Number) -> Number:
         """tau at a distance from a pole: sinh(tau) = (l/w) sinh(distance/l)."""
@@ -340,13 +403,14 @@ class _Layout:
         grow = self.xp.exp(distance / length)
         return self.xp.asinh((length / width / 2) * (grow - 1 / grow))
 
-    def distances(self, grow: Number, fall: Number, width: Number, length: Number) -> tuple[Number, Number]:
-        """Distance from a pole and its derivative in tau, where exp(tau) = grow = 1/fall."""
-        half = width / 2
-        ratio = (half / length) * (grow - fall)
-        return length * self.xp.asinh(ratio), half * (grow + fall) / self.xp.sqrt(ratio * ratio + 1)
+    def projected(self, centre: Number, width: Number, low: Number, high: Number) -> tuple[Number, Number]:
+        """A steep place outside the stretch acts on its nearest end, as wide as it is far."""
+        xp = self.xp
+        inside = xp.fmin(xp.fmax(centre, low), high)
+        far = xp.fmin(xp.fabs(centre - inside), WIDEST)
+        return inside, xp.fmin(xp.sqrt(xp.fmin(width, WIDEST) ** 2 + far**2) + self.narrowest, WIDEST)
 
-    def away_from_end(self, end: Number, place: _Place, right: Number) -> list[Nodes]:
+    def away_from_end(self, end: Number, place: _Place, right: Number) -> list[Panel]:
         """The side of the first place that looks away from a singular end, perhaps a very near one."""
         xp = self.xp
         length = right - end
@@ -358,13 +422,6 @@ class _Layout:
             self.graded(end, over, last),
             self.straight(end + last, right),
         ]
-
-
-def _projected(centre: Number, width: Number, low: Number, high: Number, xp: Algebra) -> tuple[Number, Number]:
-    """A steep place outside the stretch acts on its nearest end, as wide as it is far."""
-    inside = xp.fmin(xp.fmax(centre, low), high)
-    far = xp.fmin(xp.fabs(centre - inside), WIDEST)
-    return inside, xp.fmin(xp.sqrt(xp.fmin(width, WIDEST) ** 2 + far**2) + NARROWEST, WIDEST)
 
 
 def _sorted(rows: list[tuple[Number, ...]], xp: Algebra) -> list[tuple[Number, ...]]:

@@ -18,7 +18,8 @@ from cadet_sym.errors import ModelError
 from cadet_sym.language.vocabulary import Lookup
 
 
-def _erf(z: Any) -> Any:
+def erf(z: Any) -> Any:
+    """The error function."""
     return np.vectorize(math.erf, otypes=[float])(z)
 
 
@@ -49,7 +50,7 @@ NUMPY: dict[type, Callable[..., Any]] = {
     sp.sinh: np.sinh,
     sp.cosh: np.cosh,
     sp.tanh: np.tanh,
-    sp.erf: _erf,
+    sp.erf: erf,
     sp.Min: _all(np.minimum),
     sp.Max: _all(np.maximum),
     sp.Heaviside: lambda z, at_zero: np.heaviside(z, at_zero),

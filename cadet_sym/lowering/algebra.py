@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import ceil, log2
+
 import casadi as ca
 import numpy as np
 
@@ -18,10 +20,21 @@ class CasadiAlgebra:
     fmin = staticmethod(ca.fmin)
     fmax = staticmethod(ca.fmax)
     where = staticmethod(ca.if_else)
+    cos = staticmethod(ca.cos)
+    sin = staticmethod(ca.sin)
+    asin = staticmethod(ca.asin)
+    atan2 = staticmethod(ca.atan2)
+    atanh = staticmethod(ca.atanh)
+    floor = staticmethod(ca.floor)
+    erf = staticmethod(ca.erf)
+    total = staticmethod(ca.sum1)
+
+    def __init__(self, decimals: int = 9):
+        self.grain = 2.0 ** ceil(decimals * log2(10))
 
     def frozen(self, x: ca.SX) -> ca.SX:
-        """The number to 9 decimals, with no derivative."""
-        return (ca.floor(x * 2**30) + 0.5) / 2**30
+        """The number to so many decimals, with no derivative."""
+        return (ca.floor(x * self.grain) + 0.5) / self.grain
 
     def column(self, x: np.ndarray) -> ca.DM:
         """Constants, one a row."""

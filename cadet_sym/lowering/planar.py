@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import astuple, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -12,25 +12,16 @@ import sympy as sp
 
 from cadet_sym.expectation.planar import INNER, OUTER, REACH, Layout, Moments, Planar, density
 from cadet_sym.lowering.algebra import CasadiAlgebra
-from cadet_sym.lowering.bivariate import one_minus_square
+from cadet_sym.lowering.called import given, moments_of_two, with_derivative
 from cadet_sym.lowering.expressions import Lowering
-from cadet_sym.lowering.gaussian import FLOOR
-from cadet_sym.lowering.special import positive_part
 
 if TYPE_CHECKING:
     from cadet_sym.lowering.joint import Joint
 
 
-
 def planar_moments(planar: Planar, joint: Joint) -> tuple[ca.SX, dict[int, ca.SX]]:
     """E[f], and its derivative in the mean of either argument."""
-    free = tuple(sorted(planar.value.free_symbols - set(planar.symbols), key=str))
-    o, i = planar.outer, planar.inner
-    moments = [joint.m[o], joint.m[i], joint.covariance(o, o), joint.covariance(o, i), joint.covariance(i, i)]
-    parameters = [joint.marginal(o).value(symbol) for symbol in free]
-    function = _unrolled if planar.counts else _expectation
-    F, outer, inner = ca.vertsplit(function(planar, free)(ca.vertcat(*moments, *parameters)))
-    return F, {o: outer, i: inner}
+    return moments_of_two(planar, joint, _unrolled if planar.counts else _expectation)
 
 
 @lru_cache(maxsize=256)
@@ -48,16 +39,8 @@ def _expectation(planar: Planar, free: tuple[sp.Symbol, ...]) -> ca.Function:
     flat = list(dict.fromkeys(e for row in slopes for e in row))
     sums = _Sums(planar, free, flat, every=2).function()(v)
     jacobian = ca.vertcat(*(ca.horzcat(*(sums[flat.index(e)] for e in row)) for row in slopes))
-    derivative = ca.Function("jac_planar", [v, out], [jacobian], ["v", "out_F"], ["jac_F_v"])
-    options = {
-        "never_inline": True,
-        "custom_jacobian": derivative,
-        "jac_penalty": 0,
-        "enable_forward": False,
-        "enable_reverse": False,
-        "enable_fd": False,
-    }
-    return ca.Function("planar", [v], [_Sums(planar, free, rows).function()(v)], ["v"], ["F"], options)
+    derivative = ca.Function("jac_called", [v, out], [jacobian], ["v", "out_F"], ["jac_F_v"])
+    return with_derivative(v, _Sums(planar, free, rows).function()(v), derivative)
 
 
 def _half_hessian(f: sp.Expr, x: sp.Symbol, y: sp.Symbol) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
@@ -69,7 +52,7 @@ def _unrolled(planar: Planar, free: tuple[sp.Symbol, ...]) -> ca.Function:
     """The same of scalar operations alone, with the numbers of nodes in `counts`."""
     sums = _Sums(planar, free, planar.slopes)
     v, xp = ca.SX.sym("v", 5 + len(free)), CasadiAlgebra()
-    q, at = v[5:], _given()(v[:5])
+    q, at = v[5:], given()(v[:5])
     fixed, fixed_q = xp.frozen(at), xp.frozen(q)  # what the nodes depend on, with no derivative
     places, first, last, _ = sums.setup()(fixed, fixed_q)
     (outer, inner), total, u = planar.counts or (1, 1), ca.SX(0), ca.SX(-REACH)
@@ -101,7 +84,7 @@ class _Sums:
     def function(self) -> ca.Function:
         """(m_o, m_i, S_oo, S_oi, S_ii, parameters) -> the expectations."""
         v = ca.MX.sym("v", 5 + len(self.free))
-        q, at = v[5:], _given()(v[:5])
+        q, at = v[5:], given()(v[:5])
         places, first, last, rung = self.setup()(at, q)
         lines = [self.line(count) for count in self.inner_rungs.counts]
         line, advance = ca.Function.conditional("line", lines[:-1], lines[-1]), self.advance()
@@ -161,17 +144,6 @@ class _Sums:
         arguments = [u, weight, line, self.at, self.q]
         options = {"is_diff_in": [False, False, False, True, True]}
         return ca.Function(f"line{count}", arguments, [weight * factor * ca.vertcat(*sums)], options)
-
-
-@lru_cache(maxsize=1)
-def _given() -> ca.Function:
-    """(m_o, m_i, S_oo, S_oi, S_ii) -> `Moments`."""
-    v = ca.SX.sym("v", 5)
-    s, spread = (ca.sqrt(positive_part(p) + FLOOR) for p in (v[2], v[4]))
-    rho = v[3] / (s * spread)
-    rho = ca.if_else(rho > 1, 1, ca.if_else(rho < -1, -1, rho))
-    left = spread * ca.sqrt(one_minus_square(rho))
-    return ca.Function("given", [v], [ca.vertcat(*astuple(Moments(v[0], s, v[1], rho * spread, left, spread)))])
 
 
 def _constant(name: str, arguments: list[ca.SX], results: list[ca.SX]) -> ca.Function:

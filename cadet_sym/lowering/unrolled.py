@@ -13,8 +13,10 @@ import sympy as sp
 
 from cadet_sym.errors import ExportError
 from cadet_sym.expectation.conditional import Product
+from cadet_sym.expectation.homogeneous import with_one_rule
 from cadet_sym.expectation.nested import Nested
 from cadet_sym.expectation.planar import Planar
+from cadet_sym.expectation.polar import Homogeneous
 from cadet_sym.expectation.smooth import with_counts
 from cadet_sym.language.expression import symbol
 from cadet_sym.linearisation import Nonlinearity
@@ -45,9 +47,13 @@ def _element(element: Nonlinearity, where: str, numbers: Mapping[sp.Symbol, floa
     return replace(element, describing=replace(df, products=products))
 
 
-def _fixed(part: Product | Nested | Planar, where: str, numbers: Mapping[sp.Symbol, float]) -> Product | Nested | Planar:
+def _fixed(
+    part: Product | Nested | Planar | Homogeneous, where: str, numbers: Mapping[sp.Symbol, float]
+) -> Product | Nested | Planar | Homogeneous:
     if isinstance(part, Planar):
         return with_counts(part, COUNTS, numbers)
+    if isinstance(part, Homogeneous):
+        return with_one_rule(part, numbers)
     if not isinstance(part, Product) or not part.pairs:
         return part
     if part.pairs > MANY_PAIRS:

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import sympy as sp
 
-from cadet_sym.expectation import accuracy, smooth
+from cadet_sym.expectation import accuracy, homogeneous, smooth
 from cadet_sym.expectation.conditional import Product
 from cadet_sym.expectation.describing import DescribingFunction
 from cadet_sym.expectation.planar import Planar
+from cadet_sym.expectation.polar import Homogeneous
 from cadet_sym.expectation.quadrature import ExpectationWarning
 from cadet_sym.language.expression import symbol
 from cadet_sym.lowering.survey import describing_functions
@@ -62,6 +63,8 @@ def _errors(df: DescribingFunction, numbers: Mapping[sp.Symbol, float]) -> Itera
     for product in df.products:
         if isinstance(product, Planar):
             yield smooth.error_of(product, numbers)
+        elif isinstance(product, Homogeneous):
+            yield homogeneous.error_of(product, numbers)
         elif isinstance(product, Product):
             for _, function in product.functions:
                 for part in function.integrals:
