@@ -159,3 +159,9 @@ def test_a_model_is_exported_as_scalar_operations(tmp_path):
     cs.compile(cs.load(path)).export_c(tmp_path / "c")
     (rate,) = (tmp_path / "c").glob("*_rate.c")
     assert "tanh" in rate.read_text()
+
+
+def test_steps_are_as_long_as_the_error_lets_them_be():
+    found = planar("tanh(x*y)")
+    assert 1e-9 < found.error <= 5e-9
+    assert found.nodes < 900

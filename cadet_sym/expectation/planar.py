@@ -33,7 +33,7 @@ Number = Any  # float, NumPy array or CasADi SX
 REACH = 7.0  # of (u, v) from the mean; 2e-11 of the probability lies beyond
 SHORTEST = 1.0  # half the inner line however far out u is
 TAPER, LEAST = 0.7, 0.2  # how far steps grow with the distance from the mean
-WIDER = 1.4  # the step on the outer line over that on the inner one: averaged over the inner, f is smoother
+WIDER = 0.45  # by how much steps on the outer line are longer than on the inner one, without correlation
 SPACED = 2.0  # standard deviations from a pole beyond which nodes are equally spaced
 NARROWEST = 1e-9
 ROOT_TWO_PI = float(np.sqrt(2 * np.pi))
@@ -208,9 +208,9 @@ class Layout:
             total = total + 1 / self.xp.sqrt((u - c) ** 2 + w * w)
         return total
 
-    def outer_steps(self, first: Number, last: Number) -> Number:
-        """How many steps the outer line takes from tau = first to last."""
-        return (last - first) / (WIDER * self.planar.step)
+    def outer_steps(self, first: Number, last: Number, at: Moments) -> Number:
+        """How many steps the outer line takes from tau = first to last: longer ones where f is averaged over the inner one."""
+        return (last - first) / ((1 + WIDER * self.xp.sqrt(at.left / at.spread)) * self.planar.step)
 
     # -- the inner line -------------------------------------------------------------------------------------------
 

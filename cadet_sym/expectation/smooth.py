@@ -17,11 +17,10 @@ from cadet_sym.expectation.steep import steep_places
 from cadet_sym.language.numeric import evaluate
 from cadet_sym.language.vocabulary import Lookup
 
-STEPS = (0.29, 0.27, 0.25, 0.22, 0.18)
+STEPS = (0.36, 0.33, 0.31, 0.29, 0.27, 0.25, 0.22, 0.18)
 FINEST, FARTHEST = 0.14, 7.8  # step and reach of the reference
 BISECTIONS = 52
-WANTED, ENOUGH, WARNED = 2e-9, 5e-9, 1e-8
-STUCK = 0.7
+WANTED, WARNED = 5e-9, 1e-8
 SPREADS = (0.1, 1.0, 10.0)  # of the moments at which the error is estimated
 SHAPES = (  # ratio of the standard deviations, correlation, means in standard deviations
     (1.8, 0.0, (-1.6, 1.1)),
@@ -57,8 +56,6 @@ def measured(planar: Planar, wish: Wish) -> Planar:
     for step in STEPS:
         errors, counts = zip(*(case.error(step) for case in cases), strict=True)
         error = float(np.max(errors))
-        if STUCK * found.error < error < ENOUGH:  # what is left comes from beyond reach
-            break
         found = replace(planar, step=step, error=error, nodes=int(np.median(counts)))
         if error <= WANTED:
             break
@@ -137,7 +134,7 @@ class _Case:
     def _outer_nodes(self, layout: Layout) -> tuple[np.ndarray, np.ndarray]:
         places = layout.places(self.moments)
         first, last = layout.tau(-layout.reach, places), layout.tau(layout.reach, places)
-        count = OUTER.counts[int(OUTER.index(layout.outer_steps(first, last), layout.xp))]
+        count = OUTER.counts[int(OUTER.index(layout.outer_steps(first, last, self.moments), layout.xp))]
         count = self.planar.counts[0] if self.planar.counts else count
         step = (last - first) / (count - 1)
         wanted = first + step * np.arange(count)

@@ -97,7 +97,7 @@ class _Sums:
         places = self.layout.places(self.moments)
         flat = ca.vertcat(*(x for place in places for x in place)) if places else ca.SX(0, 1)
         first, last = self.layout.tau(ca.SX(-REACH), places), self.layout.tau(ca.SX(REACH), places)
-        rung = self.outer_rungs.index(self.layout.outer_steps(first, last), CasadiAlgebra())
+        rung = self.outer_rungs.index(self.layout.outer_steps(first, last, self.moments), CasadiAlgebra())
         return _constant("setup", [self.at, self.q], [flat, first, last, rung])
 
     def advance(self) -> ca.Function:
