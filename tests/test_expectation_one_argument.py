@@ -127,6 +127,16 @@ def test_parameters_stay_free(text):
     compare(text, kinks, values)
 
 
+def test_a_pole_beyond_an_end_takes_nodes_on_one_side_only():
+    a, b = symbol("a"), symbol("b")
+    body = parse("(1 + max(x, -a)/b)**(-1.4)")
+    known, unknown = (describing_function((symbol("x"),), body, values=v) for v in ({a: 0.8, b: 1.0}, {}))
+    assert 2 * known.nodes <= unknown.nodes
+    F, gain = element_function(known, (a, b))(0.1, 0.2, [0.8, 1.0])
+    wanted = one(lambda z: (1 + np.maximum(z, -0.8)) ** -1.4, 0.1, np.sqrt(0.2), [-0.8])
+    assert [float(F), float(gain)] == pytest.approx(wanted, rel=1e-9)
+
+
 @pytest.mark.parametrize(("a", "b"), [(-0.5, 1.2), (1.2, -0.5), (0.3, 0.3)])
 def test_the_order_of_two_kinks_need_not_be_known(a, b):
     df = describing_function((Z,), expression("z if a < z < b else 0.3"))

@@ -448,8 +448,18 @@ def integrals(cell: Cell, value: sp.Expr, z: sp.Symbol, where: str, wish: Wish) 
             yield Integral(lower, upper, cell.indicated(value), z, (), singular, PLAIN_RULE, PLAIN_ERROR)
             continue
         steep = tuple(steep_places(value, z, Cell.between(lower, upper), singular))
+        steep = (_one_sided(steep[0], lower, upper, wish),) if len(steep) == 1 else steep
         part = Integral(lower, upper, cell.indicated(value), z, steep, singular)
         yield chosen(part, where, wish)
+
+
+def _one_sided(place: Steep, lower: sp.Expr, upper: sp.Expr, wish: Wish) -> Steep:
+    """A steep place that for the numbers known lies beyond an end: the function is used on one side of it only."""
+    known = {s: wish.sample[s] for e in (place.centre, lower, upper) for s in e.free_symbols if s in wish.sample}
+    if any(e.free_symbols - known.keys() for e in (place.centre, lower, upper)):
+        return place
+    centre, low, high = (float(sp.N(e.subs(known))) for e in (place.centre, lower, upper))
+    return replace(place, left=place.left and centre > low, right=place.right and centre < high)
 
 
 def stretches(
