@@ -117,7 +117,7 @@ def products(
     for expr in rest:
         groups[_used(arguments, expr)].append(expr)
     for used, exprs in groups.items():
-        found.append(_integrated(arguments, used, sp.Add(*exprs), where, wish))
+        found.extend(_integrated(arguments, used, sp.Add(*exprs), where, wish))
     return tuple(found)
 
 
@@ -127,7 +127,7 @@ def _used(arguments: tuple[sp.Symbol, ...], expr: sp.Expr) -> tuple[int, ...]:
 
 def _integrated(
     arguments: tuple[sp.Symbol, ...], used: tuple[int, ...], body: sp.Expr, where: str, wish: Wish
-) -> Nested | Planar | Homogeneous:
+) -> tuple[Nested | Planar | Homogeneous, ...]:
     if len(used) > MAX_ARGUMENTS:
         names = ", ".join(str(arguments[i]) for i in used)
         raise LinearisationError(
@@ -135,8 +135,9 @@ def _integrated(
             f"products of functions of one argument each; no more than {MAX_ARGUMENTS} can be integrated over. "
             "Split it: give a part of it a state of its own (a fast first-order filter), or write it as a sum of products"
         )
-    found = homogeneous(arguments, used, body, wish) or planar(arguments, used, body, wish)
-    return found or nested(arguments, used, body, where, wish)
+    if (found := homogeneous(arguments, used, body, wish)) is not None:
+        return (found,)
+    return planar(arguments, used, body, wish) or (nested(arguments, used, body, where, wish),)
 
 
 # -- separation -------------------------------------------------------------------------------------------------------

@@ -1,4 +1,6 @@
-"""Smooth functions of two arguments with no closed form inside: one trapezoidal rule over both, its order found at run time.
+"""Functions of two arguments, smooth but for kinks in one, with no closed form inside: integrated over both at once.
+
+The order is found at run time.
 
 With z_o = m + s u the outer argument and z_i = m_i + L u + r v the inner one given it, u and v independent standard normal,
 
@@ -12,6 +14,9 @@ about pi/2 away however narrow they are, so that the error falls as exp(-pi^2/h)
 Poles of the outer integrand are those of f itself, for likely values of the other argument, and places where the mean of the
 inner argument passes a pole. The step h belongs to the function; how many steps there are follows from the moments, on the
 inner line for every outer node on its own: fewer, and over a shorter stretch, the farther out it is.
+
+A function with kinks at values of one argument is a sum of functions that are zero but between two of these: that argument is
+the outer one, and nodes on its line between the ends are those of Gauss and Legendre in tau.
 """
 
 from __future__ import annotations
@@ -25,7 +30,7 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from cadet_sym.expectation.quadrature import Algebra
+from cadet_sym.expectation.quadrature import Algebra, legendre
 from cadet_sym.expectation.steep import Steep
 
 Number = Any  # float, NumPy array or CasADi SX
@@ -34,6 +39,7 @@ REACH = 7.0  # of (u, v) from the mean; 2e-11 of the probability lies beyond
 SHORTEST = 1.0  # half the inner line however far out u is
 TAPER, LEAST = 0.7, 0.2  # how far steps grow with the distance from the mean
 WIDER = 0.45  # by how much steps on the outer line are longer than on the inner one, without correlation
+GAUSS, AT_ENDS = 1.4, 6  # how many more nodes a line takes that has an end
 SPACED = 2.0  # standard deviations from a pole beyond which nodes are equally spaced
 NARROWEST = 1e-9
 ROOT_TWO_PI = float(np.sqrt(2 * np.pi))
@@ -83,7 +89,7 @@ class Moments:
 
 @dataclass(frozen=True)
 class Planar:
-    """A smooth function of two arguments, and where it is steep."""
+    """A smooth function of two arguments, or the part of one between two values of one of them, and where it is steep."""
 
     outer: int  # index of the argument
     inner: int
@@ -95,6 +101,22 @@ class Planar:
     nodes: int = 0  # where the moments are of the order of the function's own scale
     error: float = 0.0
     counts: tuple[int, int] | None = None  # of nodes, outer and inner, where they are to be the same always
+    lower: sp.Expr = sp.S.NegativeInfinity  # it is zero where the outer argument is not between these
+    upper: sp.Expr = sp.S.Infinity
+
+    @property
+    def ends(self) -> tuple[tuple[sp.Expr, int], ...]:
+        """Those that are finite, 1 at the lower and -1 at the upper one."""
+        return tuple((end, side) for end, side in ((self.lower, 1), (self.upper, -1)) if not end.is_infinite)
+
+    @property
+    def free(self) -> frozenset[sp.Basic]:
+        """Parameters."""
+        return self.value.free_symbols.union(*(end.free_symbols for end, _ in self.ends)) - set(self.symbols)
+
+    def outer_rule(self, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Nodes and weights on [0, 1]: equal steps where nothing is at either end, else those of Gauss and Legendre."""
+        return legendre(count) if self.ends else (np.linspace(0, 1, count), np.full(count, 1 / (count - 1)))
 
     @cached_property
     def curve(self) -> sp.Expr | None:
@@ -112,12 +134,12 @@ class Planar:
         return self.value, *(sp.diff(self.value, z) for z in self.symbols)
 
     def kinks(self) -> Iterator[tuple[int, sp.Expr]]:
-        """There are none."""
-        return iter(())
+        """Arguments and positions of kinks."""
+        return ((self.outer, end) for end, _ in self.ends)
 
     def expressions(self) -> Iterator[sp.Expr]:
-        """There are no bounds or coefficients apart."""
-        return iter(())
+        """Bounds."""
+        return (end for end, _ in self.ends)
 
     def poles(self) -> Iterator[tuple[int, sp.Expr, sp.Expr]]:
         """Arguments, centres and widths of poles off the line, where the other argument is zero."""
@@ -208,9 +230,22 @@ class Layout:
             total = total + 1 / self.xp.sqrt((u - c) ** 2 + w * w)
         return total
 
+    def ends(self, at: Moments) -> tuple[Number, Number]:
+        """Where the outer line begins and ends."""
+        low, high = (
+            sign * self.reach if end.is_infinite else self._within((self.evaluate(end, {}) - at.m) / at.s)
+            for end, sign in ((self.planar.lower, -1), (self.planar.upper, 1))
+        )
+        return low, high
+
+    def _within(self, u: Number) -> Number:
+        return self.xp.fmin(self.xp.fmax(u, -self.reach), self.reach)
+
     def outer_steps(self, first: Number, last: Number, at: Moments) -> Number:
         """How many steps the outer line takes from tau = first to last: longer ones where f is averaged over the inner one."""
-        return (last - first) / ((1 + WIDER * self.xp.sqrt(at.left / at.spread)) * self.planar.step)
+        wide = 1 + WIDER * self.xp.sqrt(at.left / at.spread)
+        steps = (last - first) / (wide * self.planar.step)
+        return GAUSS * steps + AT_ENDS if self.planar.ends else steps
 
     # -- the inner line -------------------------------------------------------------------------------------------
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
@@ -9,17 +10,19 @@ from itertools import product
 import numpy as np
 import sympy as sp
 
-from cadet_sym.expectation.closed_form import decompose
-from cadet_sym.expectation.pieces import Cell, has_kinks
+from cadet_sym.errors import LinearisationError
+from cadet_sym.expectation.closed_form import decompose, normal
+from cadet_sym.expectation.pieces import Cell, Splitter, has_kinks
 from cadet_sym.expectation.planar import INNER, OUTER, REACH, Layout, Moments, Number, Planar, density
 from cadet_sym.expectation.quadrature import NumpyAlgebra, Wish
-from cadet_sym.expectation.steep import steep_places
+from cadet_sym.expectation.steep import singular_at, steep_places
 from cadet_sym.language.numeric import evaluate
 from cadet_sym.language.vocabulary import Lookup
 
 STEPS = (0.36, 0.33, 0.31, 0.29, 0.27, 0.25, 0.22, 0.18)
 FINEST, FARTHEST = 0.14, 7.8  # step and reach of the reference
 BISECTIONS = 52
+MOST_CELLS = 4
 WANTED, WARNED = 5e-9, 1e-8
 SPREADS = (0.1, 1.0, 10.0)  # of the moments at which the error is estimated
 SHAPES = (  # ratio of the standard deviations, correlation, means in standard deviations
@@ -27,27 +30,66 @@ SHAPES = (  # ratio of the standard deviations, correlation, means in standard d
     (2.0, 0.5, (0.0, 0.0)),
     (0.5, -0.95, (0.0, 0.0)),
     (2.0, 0.999999, (-0.4, 0.9)),
+    (0.85, 0.3, (0.3, -0.4)),
+    (0.6, -0.2, (0.9, 0.5)),
 )
+BEYOND = 8.0  # standard deviations from an end, which is then out of reach
 
 
-def planar(arguments: tuple[sp.Symbol, ...], used: tuple[int, ...], body: sp.Expr, wish: Wish) -> Planar | None:
-    """The function, if it is smooth in two arguments, has no closed form in either, and is integrated well enough so."""
-    if len(used) != 2 or wish.plain or body.has(Lookup) or any(has_kinks(body, arguments[i]) for i in used):
-        return None
-    if any(decompose(body, arguments[i]) is not None or body.has(sp.erf) for i in used):
-        return None
+def planar(arguments: tuple[sp.Symbol, ...], used: tuple[int, ...], body: sp.Expr, wish: Wish) -> tuple[Planar, ...]:
+    """The function, in pieces between its kinks: none if it is not smooth in two arguments, but for kinks in one of them.
+
+    Nor if it has a closed form in either argument, or is not integrated well enough so.
+    """
+    if len(used) != 2 or wish.plain or body.has(sp.erf, Lookup):
+        return ()
     for outer, inner in (used, used[::-1]):
-        x, y = arguments[outer], arguments[inner]
-        inside = tuple(steep_places(body, y, Cell(), (False, False)))
-        if len(inside) > 1 or any(place.step for place in inside):
-            continue
-        own = tuple(steep_places(body, x, Cell(), (False, False)))
-        candidate = Planar(outer, inner, body, (x, y), own, inside[0] if inside else None)
-        if candidate.pole is None or candidate.curve is not None:
-            found = measured(candidate, wish)
-            if found.error <= WARNED:
-                return found
-    return None
+        cells = _cells(body, arguments[outer], arguments[inner])
+        found = [_piece(outer, inner, arguments, cell, value, wish) for cell, value in cells]
+        pieces = tuple(piece for piece in found if piece is not None)
+        if pieces and len(pieces) == len(found):
+            return pieces
+    return ()
+
+
+def _cells(body: sp.Expr, x: sp.Symbol, y: sp.Symbol) -> list[tuple[Cell, sp.Expr]]:
+    """The function cut at kinks in x, through which it is continuous; nothing if it has others."""
+    try:
+        cells = Splitter(x, f"`{body}`").split(body, Cell())
+    except LinearisationError:
+        return []
+    if len(cells) > MOST_CELLS or any(has_kinks(value, y) for _, value in cells):
+        return []
+    changes: dict[sp.Expr, sp.Expr] = defaultdict(lambda: sp.S.Zero)
+    for cell, value in cells:
+        if cell.conditions or cell.lower.has(y) or cell.upper.has(y):
+            return []
+        for end, sign in ((cell.lower, 1), (cell.upper, -1)):
+            if not end.is_infinite:
+                if singular_at(value, x, end):
+                    return []
+                changes[end] += sign * value.subs(x, end)
+    if any(normal(change) != 0 for change in changes.values()):
+        return []
+    return [(cell, value) for cell, value in cells if value != 0]
+
+
+def _piece(
+    outer: int, inner: int, arguments: tuple[sp.Symbol, ...], cell: Cell, value: sp.Expr, wish: Wish
+) -> Planar | None:
+    x, y = arguments[outer], arguments[inner]
+    if any(decompose(value, z) is not None for z in (x, y)):
+        return None
+    inside = tuple(steep_places(value, y, Cell(), (False, False)))
+    if len(inside) > 1 or any(place.step for place in inside):
+        return None
+    own = tuple(steep_places(value, x, Cell(), (False, False)))
+    pole = inside[0] if inside else None
+    candidate = Planar(outer, inner, value, (x, y), own, pole, lower=cell.lower, upper=cell.upper)
+    if candidate.pole is not None and candidate.curve is None:
+        return None
+    found = measured(candidate, wish)
+    return found if found.error <= WARNED else None
 
 
 def measured(planar: Planar, wish: Wish) -> Planar:
@@ -75,9 +117,9 @@ def with_counts(planar: Planar, counts: tuple[int, int], sample: Mapping[sp.Symb
 
 
 def _cases(planar: Planar, sample: Mapping[sp.Symbol, float], spreads: tuple[float, ...]) -> list[_Case]:
-    free = sorted(planar.value.free_symbols - set(planar.symbols), key=str)
-    numbers = {s: float(sample.get(s, 1.0)) for s in free}
-    return [_Case.of(planar, numbers, spread, *shape) for spread, shape in product(spreads, SHAPES)]
+    numbers = {s: float(sample.get(s, 1.0)) for s in planar.free}
+    shapes = [*SHAPES, *((1.8, 0.3, (side * BEYOND, 0.5)) for _, side in planar.ends)]
+    return [_Case.of(planar, numbers, spread, *shape) for spread, shape in product(spreads, shapes)]
 
 
 @dataclass(frozen=True)
@@ -94,13 +136,17 @@ class _Case:
     def of(
         planar: Planar, numbers: Mapping[sp.Symbol, float], spread: float, ratio: float, rho: float, mean: tuple[float, float]
     ) -> _Case:
-        """Standard deviations of that geometric mean and ratio; the means in standard deviations."""
+        """Standard deviations of that geometric mean and ratio; the means in standard deviations, from an end if it has one."""
         sd = spread * np.sqrt(ratio), spread / np.sqrt(ratio)
         left = sd[1] * np.sqrt(1 - rho * rho)
-        moments = Moments(mean[0] * sd[0], sd[0], mean[1] * sd[1], rho * sd[1], left, sd[1])
+        origin = evaluate(planar.ends[0][0], numbers) if planar.ends else 0.0
+        moments = Moments(origin + mean[0] * sd[0], sd[0], mean[1] * sd[1], rho * sd[1], left, sd[1])
         case = _Case(planar, numbers, moments, np.zeros(3), 1.0)
         reference, size, _ = case.sums(FINEST, FARTHEST)
-        return replace(case, reference=reference, size=size)
+        if planar.ends:  # errors are relative to what it would be without an end
+            whole = replace(planar, lower=sp.S.NegativeInfinity, upper=sp.S.Infinity)
+            size = np.fmax(size, replace(case, planar=whole).sums(FINEST, FARTHEST)[1])
+        return replace(case, reference=reference, size=float(size))
 
     def error(self, step: float) -> tuple[float, int]:
         """Relative to E|f|, of E[f] and of the gains times standard deviations; and the number of nodes."""
@@ -132,16 +178,15 @@ class _Case:
         return evaluate(expr, {**self.numbers, **known})
 
     def _outer_nodes(self, layout: Layout) -> tuple[np.ndarray, np.ndarray]:
-        places = layout.places(self.moments)
-        first, last = layout.tau(-layout.reach, places), layout.tau(layout.reach, places)
+        places, ends = layout.places(self.moments), layout.ends(self.moments)
+        first, last = (layout.tau(end, places) for end in ends)
         count = OUTER.counts[int(OUTER.index(layout.outer_steps(first, last, self.moments), layout.xp))]
-        count = self.planar.counts[0] if self.planar.counts else count
-        step = (last - first) / (count - 1)
-        wanted = first + step * np.arange(count)
-        low, high = np.full(count, -layout.reach), np.full(count, layout.reach)
+        t, w = self.planar.outer_rule(self.planar.counts[0] if self.planar.counts else count)
+        wanted = first + (last - first) * t
+        low, high = (np.full(t.size, end) for end in ends)
         for _ in range(BISECTIONS):
             u = (low + high) / 2
             above = layout.tau(u, places) > wanted
             low, high = np.where(above, low, u), np.where(above, u, high)
         u = (low + high) / 2
-        return u, step / layout.slope(u, places) * density(u, layout.xp)
+        return u, (last - first) * w / layout.slope(u, places) * density(u, layout.xp)

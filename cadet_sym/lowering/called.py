@@ -29,7 +29,7 @@ def moments_of_two(
 
     That is a function (m_x, m_y, S_xx, S_xy, S_yy, parameters) -> E[f] and its two gains.
     """
-    free = tuple(sorted(function.value.free_symbols - set(function.symbols), key=str))
+    free = tuple(sorted(function.free, key=str))
     o, i = function.outer, function.inner
     moments = [joint.m[o], joint.m[i], joint.covariance(o, o), joint.covariance(o, i), joint.covariance(i, i)]
     parameters = [joint.marginal(o).value(symbol) for symbol in free]

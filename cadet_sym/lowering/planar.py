@@ -18,6 +18,8 @@ from cadet_sym.lowering.expressions import Lowering
 if TYPE_CHECKING:
     from cadet_sym.lowering.joint import Joint
 
+FINER = 0.75  # the step for derivatives of f, which are steeper, over that for f
+
 
 def planar_moments(planar: Planar, joint: Joint) -> tuple[ca.SX, dict[int, ca.SX]]:
     """E[f], and its derivative in the mean of either argument."""
@@ -37,10 +39,43 @@ def _expectation(planar: Planar, free: tuple[sp.Symbol, ...]) -> ca.Function:
     ]
     v, out = ca.MX.sym("v", 5 + len(free)), ca.MX.sym("out", len(rows))
     flat = list(dict.fromkeys(e for row in slopes for e in row))
-    sums = _Sums(planar, free, flat, every=2).function()(v)
+    finer = replace(planar, step=FINER * planar.step)
+    sums = _Sums(finer, free, flat, every=2).function()(v)
     jacobian = ca.vertcat(*(ca.horzcat(*(sums[flat.index(e)] for e in row)) for row in slopes))
+    for end, side in planar.ends:
+        jacobian += side * _at_end(finer, free, end)(v)
     derivative = ca.Function("jac_called", [v, out], [jacobian], ["v", "out_F"], ["jac_F_v"])
     return with_derivative(v, _Sums(planar, free, rows).function()(v), derivative)
+
+
+def _at_end(planar: Planar, free: tuple[sp.Symbol, ...], end: sp.Expr) -> ca.Function:
+    """What the derivatives of f in the outer argument, which jump at an end, add there to the derivatives of E[f] and gains.
+
+    E[delta(x - k) g] = B[g] = E[g | x = k] phi(u)/s, u = (k - m)/s, and dB/dm = (u B[g] - lean B[dg/dy])/s.
+    """
+    (x, y), slope = planar.symbols, planar.slopes[1]
+    sums = _Sums(planar, free, [slope, sp.diff(slope, x), sp.diff(slope, y)], every=4)
+    q, at = sums.q, sums.moments
+    k = Lowering(sums.env).convert(end)
+    u = (k - at.m) / at.s
+    within = ca.fmin(ca.fmax(u, -REACH), REACH)
+    line = sums.layout.stretch(within, at)
+    rung = sums.inner_rungs.index(sums.layout.steps(within, *line[2:]), CasadiAlgebra())
+    start = ca.Function("start", [sums.at, q], [within, rung, density(u, CasadiAlgebra()) / at.s, ca.vertcat(*line)])
+    B, moves = ca.SX.sym("B", 3), ca.jacobian(k, q)
+    change = (u * B[0] - at.lean * B[2]) / at.s
+    none, along = ca.SX(1, 2), [-B[0] * moves[i] for i in range(len(free))]
+    rows = [
+        ca.horzcat(none, B[0] / 2, ca.SX(1, 2), ca.SX(1, len(free))),
+        ca.horzcat(B[0], 0, (B[1] + change) / 2, B[2], 0, *along),
+        ca.horzcat(none, B[2] / 2, ca.SX(1, 2), ca.SX(1, len(free))),
+    ]
+    added = ca.Function("added", [B, sums.at, q], [ca.densify(ca.vertcat(*rows))])
+    v = ca.MX.sym("v", 5 + len(free))
+    where = given()(v[:5])
+    place, number, weight, stretch = start(where, v[5:])
+    found = sums.lines()(number, place, weight, stretch, where, v[5:])
+    return ca.Function("end", [v], [added(found, where, v[5:])])
 
 
 def _half_hessian(f: sp.Expr, x: sp.Symbol, y: sp.Symbol) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
@@ -54,13 +89,13 @@ def _unrolled(planar: Planar, free: tuple[sp.Symbol, ...]) -> ca.Function:
     v, xp = ca.SX.sym("v", 5 + len(free)), CasadiAlgebra()
     q, at = v[5:], given()(v[:5])
     fixed, fixed_q = xp.frozen(at), xp.frozen(q)  # what the nodes depend on, with no derivative
-    places, first, last, _ = sums.setup()(fixed, fixed_q)
-    (outer, inner), total, u = planar.counts or (1, 1), ca.SX(0), ca.SX(-REACH)
-    step, advance, line = (last - first) / (outer - 1), sums.advance(), sums.line(inner)
-    for k in range(outer):
-        u, _, weight, stretch = advance(u, first + step * k, step if k else 0, places, fixed, fixed_q)
-        total += line(u, weight, stretch, at, q)
-    return ca.Function("planar", [v], [step * total])
+    places, u, first, last, _ = sums.setup()(fixed, fixed_q)
+    (outer, inner), total = planar.counts or (2, 2), ca.SX(0)
+    advance, line, length, before = sums.advance(), sums.line(inner), last - first, 0.0
+    for t, w in zip(*planar.outer_rule(outer), strict=True):
+        u, _, weight, stretch = advance(u, first + length * t, length * (t - before), places, fixed, fixed_q)
+        total, before = total + line(u, w * weight, stretch, at, q), t
+    return ca.Function("planar", [v], [length * total])
 
 
 class _Sums:
@@ -85,20 +120,25 @@ class _Sums:
         """(m_o, m_i, S_oo, S_oi, S_ii, parameters) -> the expectations."""
         v = ca.MX.sym("v", 5 + len(self.free))
         q, at = v[5:], given()(v[:5])
-        places, first, last, rung = self.setup()(at, q)
-        lines = [self.line(count) for count in self.inner_rungs.counts]
-        line, advance = ca.Function.conditional("line", lines[:-1], lines[-1]), self.advance()
+        places, low, first, last, rung = self.setup()(at, q)
+        line, advance = self.lines(), self.advance()
         sums = [self._outer(count, advance, line) for count in self.outer_rungs.counts]
         outer = ca.Function.conditional("outer", sums[:-1], sums[-1])
-        return ca.Function("sums", [v], [outer(rung, at, q, places, first, last)])
+        return ca.Function("sums", [v], [outer(rung, at, q, places, low, first, last)])
+
+    def lines(self) -> ca.Function:
+        """`line` with the number of nodes as its first argument: which of `inner_rungs` it is."""
+        lines = [self.line(count) for count in self.inner_rungs.counts]
+        return ca.Function.conditional("line", lines[:-1], lines[-1])
 
     def setup(self) -> ca.Function:
-        """(moments, parameters) -> poles on the outer line, tau at its two ends, which number of nodes it takes."""
+        """(moments, parameters) -> poles on the outer line, its lower end, tau at both, which number of nodes it takes."""
         places = self.layout.places(self.moments)
         flat = ca.vertcat(*(x for place in places for x in place)) if places else ca.SX(0, 1)
-        first, last = self.layout.tau(ca.SX(-REACH), places), self.layout.tau(ca.SX(REACH), places)
+        low, high = (ca.SX(end) for end in self.layout.ends(self.moments))
+        first, last = self.layout.tau(low, places), self.layout.tau(high, places)
         rung = self.outer_rungs.index(self.layout.outer_steps(first, last, self.moments), CasadiAlgebra())
-        return _constant("setup", [self.at, self.q], [flat, first, last, rung])
+        return _constant("setup", [self.at, self.q], [flat, low, first, last, rung])
 
     def advance(self) -> ca.Function:
         """From an outer node to the next: (u, tau there, by how much more, poles, moments, parameters) -> u, the inner line."""
@@ -120,13 +160,13 @@ class _Sums:
     def _outer(self, count: int, advance: ca.Function, line: ca.Function) -> ca.Function:
         """The whole double sum with that many outer nodes."""
         at, q, places = ca.MX.sym("at", 6), ca.MX.sym("q", len(self.free)), ca.MX.sym("places", 2 * self.count)
-        first, last = ca.MX.sym("first"), ca.MX.sym("last")
-        step = (last - first) / (count - 1)
-        taus, more = first + step * ca.DM(range(count)).T, step * ca.DM([0] + [1] * (count - 1)).T
+        low, first, last = ca.MX.sym("low"), ca.MX.sym("first"), ca.MX.sym("last")
+        t, w = (ca.DM(x).T for x in self.planar.outer_rule(count))
+        taus, more = first + (last - first) * t, (last - first) * ca.horzcat(t[0], ca.diff(t, 1, 1))
         same = [ca.repmat(x, 1, count) for x in (places, at, q)]
-        u, rungs, weights, stretches = advance.mapaccum(count)(ca.MX(-REACH), taus, more, *same)
-        total = line.map("lines", "serial", count, [4, 5], [0])(rungs, u, weights, stretches, at, q)
-        return ca.Function(f"outer{count}", [at, q, places, first, last], [step * total])
+        u, rungs, weights, stretches = advance.mapaccum(count)(low, taus, more, *same)
+        total = line.map("lines", "serial", count, [4, 5], [0])(rungs, u, w * weights, stretches, at, q)
+        return ca.Function(f"outer{count}", [at, q, places, low, first, last], [(last - first) * total])
 
     def line(self, count: int) -> ca.Function:
         """The inner line with that many nodes: (u, weight, stretch, moments, parameters) -> its part of the expectations."""
