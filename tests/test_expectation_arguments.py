@@ -262,3 +262,13 @@ def test_what_switches_across_two_arguments_is_right_at_any_spread(text, error):
     found = check(cs.Element("f", ["x", "y"], parse(text)))
     assert found.unsettled == 0
     assert max(found.error, found.gain_error) < error
+
+
+@pytest.mark.parametrize("text", ["atan2(y, x + 0.3)", "atan(y/x)*exp(-x**2)", "atan(y/(x - y))"])
+def test_the_gain_of_an_angle_has_its_jump(text):
+    function, S, h = compiled(text), [0.8, 0.3, 1.1], 1e-2
+    mean = np.array([0.3, -0.2])
+    gain = np.array(function(mean, S, [])[1]).ravel()
+    for k, e in enumerate(np.eye(2)):
+        F = [float(function(mean + n * h * e, S, [])[0]) for n in (-2, -1, 1, 2)]
+        assert gain[k] == pytest.approx((F[0] - 8 * F[1] + 8 * F[2] - F[3]) / (12 * h), rel=1e-5, abs=1e-6)

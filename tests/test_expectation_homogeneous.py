@@ -12,7 +12,7 @@ from gaussian_integrals import BESIDE, covariance, panels
 
 import cadet_sym as cs
 from cadet_sym.expectation import describing_function
-from cadet_sym.expectation.homogeneous import degree_of, with_one_rule
+from cadet_sym.expectation.homogeneous import _Cases, degree_of, with_one_rule
 from cadet_sym.expectation.polar import Homogeneous
 from cadet_sym.language.expression import parse, symbol
 from cadet_sym.language.numeric import evaluate
@@ -21,7 +21,7 @@ from cadet_sym.lowering.elements import element_function
 X, Y = symbol("x"), symbol("y")
 SMOOTH = ["sqrt(x**2 + y**2)", "x/sqrt(x**2 + y**2)", "y**3/(x**2 + x*y + 2*y**2)"]
 KINKED = ["x*abs(x)/sqrt(x**2 + y**2)", "abs(x)**1.5*abs(y)**0.5", "max(x - 2*y, abs(y))"]
-JUMPING = ["atan2(y, x)", "x if x > 2*abs(y) else y**2/sqrt(x**2 + y**2)"]
+JUMPING = ["atan2(y, x)", "atan(y/(x - y))", "x if x > 2*abs(y) else y**2/sqrt(x**2 + y**2)"]
 TEXTS = SMOOTH + KINKED + JUMPING
 MOMENTS = [
     ((0.3, -0.2), (0.9, 1.05), 0.3),
@@ -153,6 +153,12 @@ def test_one_argument_without_variance_leaves_the_other():
 )  # fmt: skip
 def test_the_degree_is_seen(text, degree):
     assert degree_of(parse(text), frozenset((X, Y))) == (degree if degree is None else parse(str(degree)))
+
+
+def test_a_jump_that_is_not_seen_shows_in_the_gains():
+    (found,) = describe("atan2(y, x)").products
+    assert _Cases(found, {}).lost() < 1e-9
+    assert _Cases(dataclasses.replace(found, rays=()), {}).lost() > 0.1
 
 
 def test_parameters_stay_parameters():

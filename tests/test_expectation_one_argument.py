@@ -127,11 +127,19 @@ def test_parameters_stay_free(text):
     compare(text, kinks, values)
 
 
+@pytest.mark.parametrize("text", ["atan(0.4/z)", "atan2(0.4 - 2*z, z)", "z*atan2(0.3, z)"])
+def test_the_gain_of_an_angle_has_its_jump(text):
+    function = element_function(describing_function((Z,), parse(text)), ())
+    F = [float(function(0.3 + n * 1e-2, 0.5, [])[0]) for n in (-2, -1, 1, 2)]
+    assert float(function(0.3, 0.5, [])[1]) == pytest.approx((F[0] - 8 * F[1] + 8 * F[2] - F[3]) / 12e-2, rel=1e-5)
+
+
 def test_a_pole_beyond_an_end_takes_nodes_on_one_side_only():
     a, b = symbol("a"), symbol("b")
     body = parse("(1 + max(x, -a)/b)**(-1.4)")
     known, unknown = (describing_function((symbol("x"),), body, values=v) for v in ({a: 0.8, b: 1.0}, {}))
-    assert 2 * known.nodes <= unknown.nodes
+    (one_side,), (both,) = (df.products[0].functions[0][1].integrals for df in (known, unknown))
+    assert [one_side.nodes, both.nodes] == [one_side.rule.order, 2 * both.rule.order]
     F, gain = element_function(known, (a, b))(0.1, 0.2, [0.8, 1.0])
     wanted = one(lambda z: (1 + np.maximum(z, -0.8)) ** -1.4, 0.1, np.sqrt(0.2), [-0.8])
     assert [float(F), float(gain)] == pytest.approx(wanted, rel=1e-9)

@@ -28,6 +28,7 @@ ORDERS = (16, 24, 32, 40)
 FINEST = Rule(panels=4, order=48, straight=160, graded=80)
 WANTED, WARNED = 1e-10, 1e-8
 FLOOR = 1e-2  # of the largest E|f| at the same distance: what an error is relative to at least
+LOST, NEARBY = 1e-6, 100.0  # error of gains that shows that a jump was not seen; deviations from the origin where it would
 RATIOS = (1e-6, 1e-3, 0.03, 0.6, 1.8, 50.0, 1e6)  # of the standard deviations
 SHAPES = (  # correlation, means in standard deviations
     (0.0, (0.0, 0.0)),
@@ -117,8 +118,8 @@ def _cut(outer: int, inner: int, symbols: tuple[sp.Symbol, sp.Symbol], body: sp.
     rays: list[Ray] = []
     for side in (1, -1):
         half = list(_arcs(side, symbols, body))
-        arcs += half
-        rays += _jumps(half, symbols)
+        arcs += [arc for arc, _ in half]
+        rays += _jumps(half, symbols[1])
     if any(len(arc.poles) > MOST_POLES for arc in arcs) or len(arcs) > MOST_ARCS:
         return None
     for sign in (1, -1):
@@ -128,8 +129,8 @@ def _cut(outer: int, inner: int, symbols: tuple[sp.Symbol, sp.Symbol], body: sp.
     return Homogeneous(outer, inner, body, symbols, degree, tuple(arc for arc in arcs if arc.value != 0), tuple(rays))
 
 
-def _arcs(side: int, symbols: tuple[sp.Symbol, sp.Symbol], body: sp.Expr) -> Iterator[Arc]:
-    """The half plane cut at the kinks of f(side, q)."""
+def _arcs(side: int, symbols: tuple[sp.Symbol, sp.Symbol], body: sp.Expr) -> Iterator[tuple[Arc, sp.Expr]]:
+    """The half plane cut at the kinks of f(side, q), and that on every arc."""
     x, y = symbols
     splitter = Splitter(y, f"`{body}`")
     for cell, value in splitter.split(body.subs(x, side), Cell()):
@@ -147,7 +148,7 @@ def _arcs(side: int, symbols: tuple[sp.Symbol, sp.Symbol], body: sp.Expr) -> Ite
         slopes = tuple(sp.diff(here, z).replace(sp.DiracDelta, lambda *_: sp.S.Zero) for z in symbols)
         if any(slope.has(sp.Derivative, sp.Subs) for slope in slopes):
             raise LinearisationError(f"`{body}` cannot be differentiated")
-        yield Arc(side, cell.lower, cell.upper, here, (slopes[0], slopes[1]), poles, (ends[0], ends[1]))
+        yield Arc(side, cell.lower, cell.upper, here, (slopes[0], slopes[1]), poles, (ends[0], ends[1])), value
 
 
 def _decided(body: sp.Expr, cell: Cell, side: int, symbols: tuple[sp.Symbol, sp.Symbol]) -> sp.Expr:
@@ -171,9 +172,20 @@ def _decided(body: sp.Expr, cell: Cell, side: int, symbols: tuple[sp.Symbol, sp.
         lambda e: isinstance(e, sp.Max | sp.Min) and is_known(e),
         lambda e: next(a for a in e.args if evaluate(a, point) == evaluate(e, point)),
     )
-    return body.replace(
+    body = body.replace(
         lambda e: isinstance(e, sp.Abs) and is_known(e), lambda e: e.args[0] * (1 if evaluate(e.args[0], point) > 0 else -1)
     )
+    return body.replace(lambda e: isinstance(e, sp.atan), _whole_angle)
+
+
+def _whole_angle(half: sp.Expr) -> sp.Expr:
+    """atan(p/(q +- r)), r^2 = p^2 + q^2, as atan(p/q)/2, whose derivatives are shorter: q is not zero within an arc."""
+    p, denominator = sp.fraction(sp.together(half.args[0]))
+    roots = [term for term in sp.Add.make_args(denominator) if term.has(sp.Pow) and not term.is_polynomial()]
+    if len(roots) != 1:
+        return half
+    q = denominator - roots[0]
+    return sp.atan(p / q) / 2 if sp.expand(roots[0] ** 2 - p**2 - q**2) == 0 else half
 
 
 def _is_singular_without(
@@ -188,17 +200,15 @@ def _is_singular_without(
     return singular_at(value.replace(sp.atan, finite), distance, sp.S.Zero)
 
 
-def _jumps(arcs: list[Arc], symbols: tuple[sp.Symbol, sp.Symbol]) -> Iterator[Ray]:
+def _jumps(half: list[tuple[Arc, sp.Expr]], q: sp.Symbol) -> Iterator[Ray]:
     """Rays within a half plane across which the function jumps."""
-    x, y = symbols
-    for position in dict.fromkeys(arc.upper for arc in arcs if not arc.upper.is_infinite):
-        above, below = ([a for a in arcs if getattr(a, end) == position] for end in ("lower", "upper"))
+    for position in dict.fromkeys(arc.upper for arc, _ in half if not arc.upper.is_infinite):
+        above, below = ([pair for pair in half if getattr(pair[0], end) == position] for end in ("lower", "upper"))
         if len(above) != 1 or len(below) != 1:
             raise LinearisationError("kinks in no known order")
-        side = above[0].side
-        ends = (_one_sided(arc.value.subs(x, side), y, position) for arc in (above[0], below[0]))
-        if (jump := normal(next(ends) - next(ends))) != 0:
-            yield Ray(side, position, jump)
+        jump = normal(_one_sided(above[0][1], q, position, "+") - _one_sided(below[0][1], q, position, "-"))
+        if jump != 0:
+            yield Ray(above[0][0].side, position, jump)
 
 
 def _limit(body: sp.Expr, side: int, sign: int, symbols: tuple[sp.Symbol, sp.Symbol]) -> sp.Expr:
@@ -209,13 +219,13 @@ def _limit(body: sp.Expr, side: int, sign: int, symbols: tuple[sp.Symbol, sp.Sym
     near = [value for cell, value in cells if cell.lower == 0]
     if len(near) != 1:
         raise LinearisationError("kinks in no known order")
-    return _one_sided(near[0], distance, sp.S.Zero)
+    return _one_sided(near[0], distance, sp.S.Zero, "+")
 
 
-def _one_sided(value: sp.Expr, z: sp.Symbol, position: sp.Expr) -> sp.Expr:
+def _one_sided(value: sp.Expr, z: sp.Symbol, position: sp.Expr, side: str) -> sp.Expr:
     found = value.subs(z, position)
     if found.has(sp.nan, sp.zoo, sp.oo, sp.AccumBounds):
-        found = sp.limit(value, z, position, "+")
+        found = sp.limit(value, z, position, side)
     if not found.is_finite and found.is_number:
         raise LinearisationError(f"`{value}` is infinite")
     return found
@@ -228,6 +238,8 @@ def measured(function: Homogeneous, wish: Wish) -> Homogeneous:
     """The function with the smallest order that is accurate enough over a grid of moments, and the error found there."""
     cases = _Cases(function, wish.sample)
     found = replace(function, error=np.inf)
+    if cases.lost() > LOST:
+        return found
     for order in ORDERS:
         rule = Rule(order=order, straight=order, graded=order + 8)
         error = cases.error(rule)
@@ -254,7 +266,7 @@ class _Cases:
 
     def __init__(self, function: Homogeneous, sample: Mapping[sp.Symbol, float]):
         self.function, self.narrow_errors = function, np.empty(0)
-        self.numbers = {s: float(sample.get(s, 1.0)) for s in function.value.free_symbols - set(function.symbols)}
+        self.numbers = {s: float(sample.get(s, 1.0)) for s in function.free}
         rows = [(ratio, rho, *mean) for ratio, (rho, mean) in product(RATIOS, SHAPES)]
         ratio, rho, m, mean = np.array(rows).T
         s, spread = np.sqrt(ratio), 1 / np.sqrt(ratio)
@@ -281,19 +293,35 @@ class _Cases:
 
     def sums(self, rule: Rule) -> np.ndarray:
         """E[f], the gains and E|f|, (4, cases)."""
-        layout, xp, total = self._layout(replace(self.function, rule=rule)), NumpyAlgebra(), np.zeros((4, self.at.m.size))
+        layout, total = self._layout(replace(self.function, rule=rule)), np.zeros((4, self.at.m.size))
         with np.errstate(all="ignore"):
-            for arc in self.function.arcs:
-                frame = layout.frames[arc.side]
-                for piece in layout.pieces(arc):
-                    for panel in piece.panels:
-                        nodes = panel.nodes(xp.column(panel.rule[0]), xp.column(panel.rule[1]), xp)
-                        node = Node(self.function, arc, piece, frame, nodes, self._evaluate, xp)
-                        total += [np.sum(term, axis=0) for term in node.sums()]
+            for _, node in self._nodes(layout):
+                total += [np.sum(term, axis=0) for term in node.sums()]
             across, along = layout.jumps()
         total[1] += across
         total[2] += along
         return total
+
+    def lost(self) -> float:
+        """By how much the gains are not those that E[f (z - m)] gives: what a jump would that was not seen."""
+        layout, gains, frame = self._layout(replace(self.function, rule=FINEST)), np.zeros((2, self.at.m.size)), None
+        with np.errstate(all="ignore"):
+            for side, node in self._nodes(layout):
+                at, frame = layout.at[side], layout.frames[side]
+                first, second = (np.sum(term, axis=0) for term in node.by_density())
+                gains += [side * (first - at.lean / at.left * second) / at.s, second / at.left]
+            errors = np.abs(gains - self.reference[1:]) * self.scale[1:]
+        near = frame is not None and frame.d < NEARBY
+        return float(np.max(errors, where=near & np.isfinite(errors), initial=0.0))
+
+    def _nodes(self, layout: Layout) -> Iterator[tuple[int, Node]]:
+        xp = NumpyAlgebra()
+        for arc in self.function.arcs:
+            for piece in layout.pieces(arc):
+                for panel in piece.panels:
+                    nodes = panel.nodes(xp.column(panel.rule[0]), xp.column(panel.rule[1]), xp)
+                    frame = layout.frames[arc.side]
+                    yield arc.side, Node(self.function, arc, piece, frame, nodes, self._evaluate, xp, more=2)
 
     def _layout(self, function: Homogeneous) -> Layout:
         with np.errstate(all="ignore"):

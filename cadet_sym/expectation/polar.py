@@ -86,6 +86,11 @@ class Homogeneous:
     error: float = 0.0
     fixed: bool = False  # whether that rule is to be taken everywhere
 
+    @property
+    def free(self) -> frozenset[sp.Basic]:
+        """Parameters."""
+        return frozenset(self.value.free_symbols - set(self.symbols))
+
     @cached_property
     def nodes(self) -> int:
         """Directions at which the function is evaluated."""
@@ -185,6 +190,17 @@ class Node:
         terms = [first * self.value, *(second * slope for slope in self.slopes), first * self.xp.fabs(self.value)]
         return [self.xp.where(self.there, term, 0.0) for term in terms]  # of an empty arc they may be anywhere
 
+    def by_density(self) -> list[Number]:
+        """What they add to E[f v_i], v = w - mu, of which the gains are linear functions: no derivative of f is used."""
+        first, e = self.frame.unit * self.radial[self.k + 2], self._direction()
+        factors = (e[i] * first - self.frame.mu[i] * self.radial[self.k + 1] for i in (0, 1))
+        return [self.xp.where(self.there, self.weight * self.value * factor, 0.0) for factor in factors]
+
+    def _direction(self) -> tuple[Number, Number]:
+        """The unit vector in w."""
+        c0, c1 = self.frame.c[0] / self.frame.d, self.frame.c[1] / self.frame.d
+        return c0 * self.cosine - c1 * self.sine, c1 * self.cosine + c0 * self.sine
+
     def derivatives(self) -> list[Number]:
         """What they add to E[slope v_i] and E[slope (v_i v_j - delta_ij)], v = w - mu: slopes row by row, ij = 11, 12, 22.
 
@@ -192,8 +208,7 @@ class Node:
         """
         frame, (zeroth, first, second) = self.frame, self.radial[self.k : self.k + 3]
         first, second = frame.unit * first, frame.unit**2 * second
-        c0, c1 = frame.c[0] / frame.d, frame.c[1] / frame.d
-        e = c0 * self.cosine - c1 * self.sine, c1 * self.cosine + c0 * self.sine
+        e = self._direction()
         factors = [e[i] * first - frame.mu[i] * zeroth for i in (0, 1)]
         for i, j in ((0, 0), (0, 1), (1, 1)):
             mixed = e[i] * frame.mu[j] + e[j] * frame.mu[i]

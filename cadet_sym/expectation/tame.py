@@ -6,14 +6,15 @@ import sympy as sp
 
 
 def tamed(body: sp.Expr, arguments: tuple[sp.Symbol, ...]) -> sp.Expr:
-    """Logistic functions by tanh, log(b + c e^a) by what grows and what is left, atan2 cut where it jumps."""
+    """Logistic functions by tanh, log(b + c e^a) by what grows and what is left, angles cut where they jump."""
 
     def moving(expr: sp.Basic) -> int:
         return sum(expr.has(z) for z in arguments)
 
     body = body.replace(_is_logistic, _by_tanh)
     body = body.replace(lambda e: _is_soft_ramp(e) and moving(e) == 1, _by_ramp)
-    return body.replace(lambda e: isinstance(e, sp.atan2) and all(map(moving, e.args)), _by_quotient)
+    body = body.replace(lambda e: isinstance(e, sp.atan2) and moving(e.args[1]) > 0, _by_half)
+    return body.replace(lambda e: isinstance(e, sp.atan) and moving(_quotient(e)[1]) > 0, _by_quotient)
 
 
 def _is_logistic(expr: sp.Expr) -> bool:
@@ -47,6 +48,21 @@ def _by_ramp(soft: sp.Expr) -> sp.Expr:
     return sp.log(constant) + sp.Piecewise((w + sp.log(1 + sp.exp(-w)), w > 0), (sp.log(1 + sp.exp(w)), sp.true))
 
 
-def _by_quotient(angle: sp.Expr) -> sp.Expr:
+def _by_half(angle: sp.Expr) -> sp.Expr:
+    """atan2(y, x) = 2 atan(y/(x + r)) where x > 0, r^2 = x^2 + y^2; where it is not, what does not cancel."""
     y, x = angle.args
-    return sp.Piecewise((sp.atan(y / x), x > 0), (sp.atan(y / x) + sp.pi * sp.sign(y), sp.true))
+    r = sp.sqrt(x**2 + y**2)
+    return sp.Piecewise((2 * sp.atan(y / (x + r)), x > 0), (2 * sp.atan(y / (x - r)) + sp.pi * sp.sign(y), sp.true))
+
+
+def _quotient(angle: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
+    return sp.fraction(sp.together(angle.args[0]))
+
+
+def _by_quotient(angle: sp.Expr) -> sp.Expr:
+    """atan(p/q) in two pieces that have values where q = 0: by half the angle, as above."""
+    p, q = _quotient(angle)
+    if q.is_positive or not (p.is_polynomial() and q.is_polynomial()):
+        return angle
+    r = sp.sqrt(p**2 + q**2)
+    return sp.Piecewise((2 * sp.atan(p / (q + r)), q > 0), (2 * sp.atan(p / (q - r)), sp.true))
