@@ -15,10 +15,10 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+import typer
 
 import cadet_sym as cs
 from cadet_sym.arguments import one_set_each, parse_paths, parse_range, parse_setting, parse_sweep, parse_times
-from cadet_sym.commands import Argument, Commands, Option, UsageError
 from cadet_sym.errors import CadetError, ModelError, SolverError
 from cadet_sym.files import DATA_SUFFIXES, FIGURE_SUFFIXES, check_target
 from cadet_sym.results import PeriodicMoments, StationaryMoments, StationarySolutions, StationarySweep
@@ -27,37 +27,53 @@ from cadet_sym.version import VERSION
 if TYPE_CHECKING:
     from cadet_sym.compiled import CompiledModel
 
-app = Commands(
-    "cadet-sym",
-    "Random vibration of nonlinear systems: a model file goes in, means and covariances come out.",
-    {"--debug": "On an error show where in the program it arose.", "--version": "Print the version."},
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
 )
 
-ModelPath = Annotated[Path, Argument("MODEL", "The model file (TOML).")]
+ModelPath = Annotated[Path, typer.Argument(metavar="MODEL", help="The model file (TOML).")]
 Settings = Annotated[
     list[str] | None,
-    Option("Give a parameter another value.", names="--set", metavar="NAME=VALUE ..."),
+    typer.Option("--set", metavar="NAME=VALUE ...", help="Give a parameter another value."),
 ]
-Json = Annotated[bool, Option("Print one JSON object and nothing else.", names="--json")]
-Save = Annotated[Path | None, Option("Write the moments: .nc, .csv or .mat.", metavar="FILE")]
-Plot = Annotated[Path | None, Option("Draw a figure: .png, .pdf or .svg.", metavar="FILE")]
-Duration = Annotated[float | None, Option("Length of the run.", metavar="T")]
-Points = Annotated[int | None, Option("Output times, both ends.", metavar="N", least=2)]
-RelativeTolerance = Annotated[float | None, Option("Relative tolerance.", metavar="R")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+Save = Annotated[Path | None, typer.Option(metavar="FILE", help="Write the moments: .nc, .csv or .mat.")]
+Plot = Annotated[Path | None, typer.Option(metavar="FILE", help="Draw a figure: .png, .pdf or .svg.")]
+Duration = Annotated[float | None, typer.Option(metavar="T", help="Length of the run.")]
+Points = Annotated[int | None, typer.Option(metavar="N", min=2, help="Output times, both ends.")]
+RelativeTolerance = Annotated[float | None, typer.Option("--rtol", metavar="R", help="Relative tolerance.")]
 
 
-@app.command
+def _print_version(asked: bool) -> None:
+    if asked:
+        print(VERSION)
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    debug: Annotated[bool, typer.Option("--debug", help="On an error show where in the program it arose.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Random vibration of nonlinear systems: a model file goes in, means and covariances come out."""
+
+
+@app.command()
 def moments(
     model: ModelPath,
     settings: Settings = None,
     duration: Duration = None,
     points: Points = None,
-    times: Annotated[str | None, Option("Output times instead.", metavar="T1,T2,...")] = None,
+    times: Annotated[str | None, typer.Option(metavar="T1,T2,...", help="Output times instead.")] = None,
     period: Annotated[
-        float | None, Option("One period of moments that repeat with it, instead of the run.", metavar="T")
+        float | None, typer.Option(metavar="T", help="One period of moments that repeat with it, instead of the run.")
     ] = None,
     rtol: RelativeTolerance = None,
-    jit: Annotated[bool, Option("Take seconds to make good machine code of a large model.")] = False,
+    jit: Annotated[bool, typer.Option("--jit", help="Take seconds to make good machine code of a large model.")] = False,
     as_json: Json = False,
     save: Save = None,
     plot: Plot = None,
@@ -95,20 +111,20 @@ def moments(
         _print_written(save, plot)
 
 
-@app.command
+@app.command()
 def stationary(
     model: ModelPath,
     settings: Settings = None,
-    speed: Annotated[float | None, Option("Speed; V(0) if not given.", metavar="V")] = None,
-    at: Annotated[float | None, Option("Freeze explicit time at T.", metavar="T")] = None,
-    every: Annotated[bool, Option("Search for every solution, unstable ones too.", names="--all")] = False,
+    speed: Annotated[float | None, typer.Option(metavar="V", help="Speed; V(0) if not given.")] = None,
+    at: Annotated[float | None, typer.Option(metavar="T", help="Freeze explicit time at T.")] = None,
+    every: Annotated[bool, typer.Option("--all", help="Search for every solution, unstable ones too.")] = False,
     sweep: Annotated[
         str | None,
-        Option("Repeat for N values of a parameter.", metavar="NAME=LO:HI:N"),
+        typer.Option(metavar="NAME=LO:HI:N", help="Repeat for N values of a parameter."),
     ] = None,
     branches: Annotated[
         str | None,
-        Option("Follow every solution over a range, through folds; NAME may be speed.", metavar="NAME=LO:HI"),
+        typer.Option(metavar="NAME=LO:HI", help="Follow every solution over a range, through folds; NAME may be speed."),
     ] = None,
     as_json: Json = False,
     save: Save = None,
@@ -157,21 +173,21 @@ def stationary(
         _print_written(save, plot)
 
 
-@app.command
+@app.command()
 def optimise(
     model: ModelPath,
-    minimise: Annotated[str, Option("As variance(closure): what is to be least.", metavar="EXPRESSION")],
-    over: Annotated[list[str], Option("A parameter that is free; may be repeated.", metavar="NAME=LO:HI")],
+    minimise: Annotated[str, typer.Option(metavar="EXPRESSION", help="As variance(closure): what is to be least.")],
+    over: Annotated[list[str], typer.Option(metavar="NAME=LO:HI", help="A parameter that is free; may be repeated.")],
     subject_to: Annotated[
-        list[str] | None, Option("As 'std(stroke) <= 0.02'; may be repeated.", metavar="COMPARISON")
+        list[str] | None, typer.Option(metavar="COMPARISON", help="As 'std(stroke) <= 0.02'; may be repeated.")
     ] = None,
     against: Annotated[
-        str | None, Option("Draw the trade-off: the least for N limits on this.", metavar="EXPRESSION=LO:HI:N")
+        str | None, typer.Option(metavar="EXPRESSION=LO:HI:N", help="Draw the trade-off: the least for N limits on this.")
     ] = None,
-    starts: Annotated[int, Option("Searches, from the declared and random values.", metavar="N", least=1)] = 1,
+    starts: Annotated[int, typer.Option(metavar="N", min=1, help="Searches, from the declared and random values.")] = 1,
     settings: Settings = None,
-    speed: Annotated[float | None, Option("Speed; V(0) if not given.", metavar="V")] = None,
-    at: Annotated[float | None, Option("Freeze explicit time at T.", metavar="T")] = None,
+    speed: Annotated[float | None, typer.Option(metavar="V", help="Speed; V(0) if not given.")] = None,
+    at: Annotated[float | None, typer.Option(metavar="T", help="Freeze explicit time at T.")] = None,
     as_json: Json = False,
     save: Save = None,
     plot: Plot = None,
@@ -201,21 +217,21 @@ def optimise(
         _print_written(save, plot)
 
 
-@app.command
+@app.command()
 def validate(
     model: ModelPath,
     settings: Settings = None,
-    paths: Annotated[str, Option("Realisations to simulate.", metavar="N|auto")] = "2000",
-    seed: Annotated[int, Option("The same seed gives the same paths.", metavar="N")] = 0,
+    paths: Annotated[str, typer.Option(metavar="N|auto", help="Realisations to simulate.")] = "2000",
+    seed: Annotated[int, typer.Option(metavar="N", help="The same seed gives the same paths.")] = 0,
     control: Annotated[
         bool | None,
-        Option("Use the quasi-linear system as control variate; if it helps, if not given.", names="--control/--plain"),
+        typer.Option("--control/--plain", help="Use the quasi-linear system as control variate; if it helps, if not given."),
     ] = None,
     target: Annotated[
-        float | None, Option("With --paths auto: relative half-width of limits, 0.01.", metavar="R")
+        float | None, typer.Option(metavar="R", help="With --paths auto: relative half-width of limits, 0.01.")
     ] = None,
     time_limit: Annotated[
-        float | None, Option("With --paths auto: seconds there are for it.", metavar="S")
+        float | None, typer.Option(metavar="S", help="With --paths auto: seconds there are for it.")
     ] = None,
     as_json: Json = False,
     plot: Plot = None,
@@ -256,13 +272,13 @@ def validate(
         raise short
 
 
-@app.command
+@app.command()
 def show(
     model: ModelPath,
     settings: Settings = None,
-    latex: Annotated[bool, Option("Print LaTeX.")] = False,
+    latex: Annotated[bool, typer.Option("--latex", help="Print LaTeX.")] = False,
     check: Annotated[
-        bool, Option("Hold every describing function against adaptive integration.")
+        bool, typer.Option("--check", help="Hold every describing function against adaptive integration.")
     ] = False,
     as_json: Json = False,
 ) -> None:
@@ -280,17 +296,17 @@ def show(
         print(text)
 
 
-@app.command
+@app.command()
 def export(
     model: ModelPath,
-    to: Annotated[Path, Option("The folder to write to.", metavar="DIRECTORY")],
+    to: Annotated[Path, typer.Option(metavar="DIRECTORY", help="The folder to write to.")],
     settings: Settings = None,
     prefix: Annotated[
-        str | None, Option("What names in C begin with; the model file's name if not given.", metavar="NAME")
+        str | None, typer.Option(metavar="NAME", help="What names in C begin with; the model file's name if not given.")
     ] = None,
-    force: Annotated[bool, Option("Write to a folder that holds other files, too.")] = False,
-    fmu: Annotated[bool, Option("Add mock-up units, FMI 3.0 and 2.0.")] = False,
-    matlab: Annotated[bool, Option("Add the equations as a MATLAB function.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Write to a folder that holds other files, too.")] = False,
+    fmu: Annotated[bool, typer.Option("--fmu", help="Add mock-up units, FMI 3.0 and 2.0.")] = False,
+    matlab: Annotated[bool, typer.Option("--matlab", help="Add the equations as a MATLAB function.")] = False,
 ) -> None:
     """Write the compiled equations as a C library."""
     with _computing():
@@ -299,9 +315,9 @@ def export(
     print(written)
 
 
-@app.command
+@app.command()
 def cache(
-    clear: Annotated[bool, Option("Remove all that is kept.")] = False,
+    clear: Annotated[bool, typer.Option("--clear", help="Remove all that is kept.")] = False,
 ) -> None:
     """Say where compiled models are kept, how many, and what they take."""
     from cadet_sym import cache as kept
@@ -318,21 +334,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns 0, or 1 for a numerical failure, or 2 for a wrong model or arguments."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in words
-    words = one_set_each(word for word in words if word != "--debug")
-    if words[:1] == ["--version"]:
-        print(VERSION)
-        return 0
+    words = ["--debug"] * debug + one_set_each(word for word in words if word != "--debug")
     warnings.showwarning = _show_warning
     try:
-        return app.run(words)
-    except KeyboardInterrupt:
+        return app(words, prog_name="cadet-sym", standalone_mode=False) or 0
+    except typer.Abort:
         return _fail("stopped", 130)
-    except UsageError as error:
-        return _fail(f"{error}; see `cadet-sym --help`", error.exit_status)
     except CadetError as error:
         if debug:
             raise
         return _fail("\n".join([str(error), *getattr(error, "__notes__", ())]), error.exit_status)
+    except typer.TyperException as error:  # a wrong option
+        message = error.format_message().rstrip(".")
+        return _fail(f"{message}; see `cadet-sym --help`", 2) if message else 2
     except Exception as error:
         if debug:
             raise

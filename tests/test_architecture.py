@@ -57,7 +57,7 @@ def test_moments_as_json_loads_no_drawing_or_data_frame():
         "status = main(['moments', 'models/duffing.toml', '--points', '3', '--json'])\n"
         "assert status == 0"
     )
-    assert not loaded_by(code) & (LATE - NEEDED_BY_SYMPY - {"llvmlite"})
+    assert not loaded_by(code) & (LATE - NEEDED_BY_SYMPY - {"typer", "llvmlite"})
 
 
 def imported_by(path: Path) -> set[str]:
