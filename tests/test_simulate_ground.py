@@ -6,11 +6,14 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import sympy as sp
 from reference_models import toml
 from scipy.linalg import expm, solve_continuous_lyapunov
 
+import cadet_sym as cs
 from cadet_sym.augmentation import augment
 from cadet_sym.errors import ModelError
+from cadet_sym.language.expression import DISTANCE
 from cadet_sym.simulation.laws import covariance_factor, exact_law, stationary_covariance
 from cadet_sym.simulation.plan import Problem
 from cadet_sym.simulation.workers import records_of
@@ -243,3 +246,17 @@ def test_a_profile_reaches_the_wheels_through_the_rolling_contact():
         s = 2 * problem.times - setback
         expected = 3 * (3 * np.cos(s) + np.sin(s)) / 10
         assert np.allclose(records[:, problem.names.index(f"{wheel}.height"), 0], expected, atol=1e-7)
+
+
+def test_a_wheel_set_back_starts_on_the_ground_where_it_is():
+    """It started on that under the origin: on ground that varies, four times the variance here."""
+    x, a = sp.symbols("x a")
+    road = cs.exponential(0.02 * (1 + sp.sin(DISTANCE / 3) / 2), 0.3)
+    vehicle = cs.Vehicle({x: -x + a}, {a: cs.Contact(setback=5)})
+    model = cs.Model(vehicle, road, cs.Travel(speed=8.0), duration=1)
+    truth = cs.simulate(model, paths=2000, seed=1, times=[1e-3, 0.5])
+    history = cs.compile(model).propagate(truth.time)
+    wanted = (0.02 * (1 + np.sin(-5 / 3) / 2)) ** 2
+    assert history.variance["a.height"][0] == pytest.approx(wanted, rel=1e-2)
+    off = history.variance["a.height"] - truth.variance["a.height"]
+    assert (np.abs(off) < 4 * truth.variance_standard_error["a.height"]).all()

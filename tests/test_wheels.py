@@ -158,3 +158,48 @@ def test_wheels_on_ground_that_varies_start_on_one_and_the_same_ground():
     for name in truth.states:
         found = np.interp([1.0, 3.0], history.time, history.variance[name])
         assert (np.abs(found - truth.variance[name]) < 4 * truth.variance_standard_error[name]).all(), name
+
+
+@pytest.mark.parametrize(
+    ("q", "start", "error"),
+    [
+        ("64e-6 if s < 6 else 1024e-6", "stationary", 2e-2),
+        ("64e-6 if s < 6 else 1024e-6", "smooth", 2e-2),
+        ("1e-4*(1 + 0.5*sin(s))", "smooth", 1e-5),
+    ],
+)
+def test_noise_that_varies_along_the_road_is_the_same_as_its_amplitude(q, start, error):
+    """E[w w'] = q(s) delta, or sqrt(q(s)) w with E[w w'] = delta: behind a change of class each wheel meets its own q.
+
+    A jump of the amplitude is one of the correlation with the ground between the wheels, which a grid does not resolve.
+    """
+    found = []
+    for rate, intensity in (("-0.5*h + w", q), (f"-0.5*h + w*sqrt({q})", "1.0")):
+        model = toml(
+            f"""
+            name = "three wheels"
+            [rates]
+            x = "v"
+            v = "-60*x - 3*v - v*abs(v) + 20*(a + b + c)"
+            [contacts]
+            a = {{}}
+            b = {{ setback = 1.7 }}
+            c = {{ setback = 3.0 }}
+            [ground]
+            kind = "shaping_filter"
+            rates = {{ h = "{rate}" }}
+            noise = {{ w = "{intensity}" }}
+            height = "h"
+            [travel]
+            speed = "4 + t"
+            [initial]
+            ground = "{start}"
+            [run]
+            duration = 3.0
+            """
+        )
+        found.append(cs.compile(model, grid=(8, 10)).propagate(np.linspace(0, 3, 13)).state_covariance)
+    P, other = found
+    size = np.sqrt(np.diagonal(P, axis1=1, axis2=2).max(axis=0))
+    assert (np.abs(P - other) / np.outer(size, size)).max() < error
+    assert (np.linalg.eigvalsh(P)[:, 0] >= -1e-9 * np.trace(P, axis1=1, axis2=2)).all()

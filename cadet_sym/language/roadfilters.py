@@ -14,6 +14,7 @@ import sympy as sp
 from cadet_sym.language.names import exact
 from cadet_sym.language.noise import Noise
 from cadet_sym.language.shaping import ShapingFilter, filter_of_rates, make_filter
+from cadet_sym.language.vocabulary import DISTANCE
 
 # Geometric means of ISO 8608: G_d in 1e-6 m^3 at n_0 = 0.1 cycle/m, and at 1 rad/m.
 CLASSES = {letter: 4**k for k, letter in enumerate("ABCDEFGH")}
@@ -42,7 +43,13 @@ def per_radian(gd: sp.Expr, n0: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
 
 
 def exponential(sigma: sp.Expr, cutoff: sp.Expr) -> ShapingFilter:
-    """Road h' = -cutoff h + sigma sqrt(2 cutoff) w."""
+    """Road h' = -cutoff h + sigma sqrt(2 cutoff) w.
+
+    What varies along the road is written as the noise's intensity: where wheels follow each other, the correlation of the state
+    with a noise of constant amplitude is smooth, and a jump of sigma is exact.
+    """
+    if DISTANCE in sigma.free_symbols | cutoff.free_symbols:
+        return make_filter(("height",), [[-cutoff]], [[1]], [[2 * cutoff * sigma**2]], [[1]])
     return make_filter(("height",), [[-cutoff]], [[sigma * sp.sqrt(2 * cutoff)]], [[1]], [[1]])
 
 

@@ -27,9 +27,9 @@ def wheel_forcing(equations: MomentEquations, g: ca.SX, env: _Environment) -> ca
     forcing = ca.SX(n, n)
     for track, gaps in _tracks(equations.delay, n, g):
         setbacks = _setbacks(equations, track)
-        intensity = _intensity(equations, track, env)
         for k, elements in enumerate(gaps, start=1):
             gate = env.get(gate_symbol(setbacks[k]), ca.SX(1))
+            intensity = _intensity(equations, track.columns[k], env)
             cross = ca.mtimes([elements[-1][-1], intensity, _columns(equations, track.columns[k], env).T]) * gate
             forcing += env[SPEED] * (cross + cross.T)
     return forcing
@@ -125,8 +125,7 @@ def _columns(equations: MomentEquations, columns: tuple[int, ...], env: _Environ
     return matrix
 
 
-def _intensity(equations: MomentEquations, track: TrackDelay, env: _Environment) -> ca.SX:
-    """Intensity Q of the track's noises, as its first wheel meets them."""
+def _intensity(equations: MomentEquations, columns: tuple[int, ...], env: _Environment) -> ca.SX:
+    """Intensity Q of the noises (q, q) as the wheels at one setback meet them: the ground's where they are."""
     Q = equations.quasi_linear.system.intensity
-    first = track.columns[0]
-    return ca.vertcat(*(ca.horzcat(*(to_casadi(Q[i, j], env) for j in first)) for i in first))
+    return ca.vertcat(*(ca.horzcat(*(to_casadi(Q[i, j], env) for j in columns)) for i in columns))

@@ -99,7 +99,7 @@ def ground_tables(
         law_of.append(sum(map(len, laws)) + which * (2 * road.size**2))
         laws.append(matrices.ravel())
         sizes.append(road.size)
-        roots.append(_start_factor(road, grid.motion.start, smooth))
+        roots.append(_start_factor(road, float(chain.places[0]), smooth))
         room.append(int((chain.pick.max(axis=0) - chain.pick.min(axis=0)).max()) + 2)
     ring_rows = [n * r for n, r in zip(room, sizes, strict=True)]
     mean = _mean(system, values, grid, rows, setbacks, smooth)
