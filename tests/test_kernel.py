@@ -14,6 +14,7 @@ from conftest import ROOT
 
 import cadet_sym as cs
 from cadet_sym.delay import transport_matrix
+from cadet_sym.lowering.blas import multiplication
 from cadet_sym.lowering.kernel import Vector, kernel, kernel_text, part
 from cadet_sym.packing import Packing
 from cadet_sym.solve import backward, runge_kutta
@@ -251,6 +252,22 @@ def test_where_too_many_steps_led_is_told_with_the_moments_there(shipped):
 # -- the implicit formulas ------------------------------------------------------------------------------------
 
 
+def multiplied(rows: Vector, A: Vector, B: Vector, out: Vector) -> None:
+    """What machine code has the library do."""
+    n = int(rows[0])
+    out[: n * n] = (A[: n * n].reshape(n, n) @ B[: n * n].reshape(n, n)).ravel()
+
+
+@pytest.mark.parametrize("n", [1, 3, 8, 70])
+def test_machine_code_multiplies_by_rows(n):
+    rng, out, expected = np.random.default_rng(n), np.empty(n * n), np.empty(n * n)
+    A, B, rows = rng.normal(size=n * n), rng.normal(size=n * n), np.array([float(n)])
+    multiply = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)(multiplication(n))
+    multiply(rows.ctypes.data, A.ctypes.data, B.ctypes.data, out.ctypes.data)
+    multiplied(rows, A, B, expected)
+    np.testing.assert_allclose(out, expected, rtol=1e-12, atol=1e-13 * n)
+
+
 @pytest.mark.parametrize("n", [1, 2, 5, 8, 13])
 @pytest.mark.parametrize("g", [1e-3, 0.7])
 def test_the_inverse_in_loops_is_the_one_of_arrays(n, g):
@@ -260,9 +277,9 @@ def test_the_inverse_in_loops_is_the_one_of_arrays(n, g):
     expected, r = np.empty(packing.size), rng.normal(size=packing.size)
     Inverse.build(PackedIndex(packing), scale, form, g).apply(r, expected)
     given = modal_arrays(form, scale)
-    work, found = np.zeros(backward.MATRICES * n * n + 2 * n), np.empty(packing.size)
+    work, found = np.zeros(backward.MATRICES * n * n + 2 * n + 1), np.empty(packing.size)
     backward.weigh(work, work[backward.MATRICES * n * n :], given.modes, n, g)
-    backward.invert(r, found, packing.size, n, given.matrices, given.modes, given.pairs, work)
+    backward.invert(multiplied, r, found, packing.size, n, given.matrices, given.modes, given.pairs, work)
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
 
 
@@ -279,7 +296,7 @@ def test_backward_differences_of_another_step_are_those_of_the_same_polynomial(o
         return np.array(rows)
 
     found = differences(h)
-    backward.rescale(found, order, factor, 1, np.zeros(150))
+    backward.rescale(found, order, factor, 1, np.zeros(150), np.zeros(order + 1))
     np.testing.assert_allclose(found, differences(factor * h), rtol=1e-9, atol=1e-12)
 
 
@@ -300,7 +317,7 @@ def test_a_stiff_run_as_machine_code_is_the_one_of_python():
     work, found = np.zeros(1 + backward.VECTORS * 2 + backward.MATRICES + 2 + 150), np.zeros(4)
     tolerance, inverse = (stiff.tolerance.size, 1e-5, 1e-2), (form.matrices, form.modes, form.pairs)
     status = backward.carry(
-        rate, grid, 2, y.copy(), 2, 1, np.zeros(1), *tolerance, 1.0, 1000, *inverse, work, found, state
+        rate, multiplied, grid, 2, y.copy(), 2, 1, np.zeros(1), *tolerance, 1.0, 1000, *inverse, work, found, state
     )
     assert status == 0
     assert state[4] == stiff.steps

@@ -36,60 +36,6 @@ STALE = 0.3
 """Where an iteration leaves more than this of what is wrong, the form of another place does not serve any longer."""
 
 
-def two_rows(one: Vector, two: Vector, a: Vector, b: Vector, B: Vector, n: int, width: int) -> int:
-    """Add to two rows four rows of B, by four weights each: what is read of B serves twice."""
-    second = part(B, n)
-    third = part(B, 2 * n)
-    fourth = part(B, 3 * n)
-    a0 = a[0]
-    a1 = a[1]
-    a2 = a[2]
-    a3 = a[3]
-    b0 = b[0]
-    b1 = b[1]
-    b2 = b[2]
-    b3 = b[3]
-    for j in range(width):
-        w = B[j]
-        x = second[j]
-        y = third[j]
-        z = fourth[j]
-        one[j] += (a0 * w + a1 * x) + (a2 * y + a3 * z)
-        two[j] += (b0 * w + b1 * x) + (b2 * y + b3 * z)
-    return 0
-
-
-def add(row: Vector, weight: float, other: Vector, width: int) -> int:
-    """Add to a row another one, by its weight."""
-    for j in range(width):
-        row[j] += weight * other[j]
-    return 0
-
-
-def product(out: Vector, A: Vector, B: Vector, n: int, lower: int) -> int:
-    """Set out = A B, n x n by rows; where `lower`, what is right of the diagonal may be left out."""
-    for i in range(n * n):
-        out[i] = 0.0
-    i = 0
-    while i + 1 < n:
-        width = i + 2 if lower == 1 else n
-        k = 0
-        while k + 3 < n:
-            one = i * n
-            two = one + n
-            two_rows(part(out, one), part(out, two), part(A, one + k), part(A, two + k), part(B, k * n), n, width)
-            k += 4
-        while k < n:
-            add(part(out, i * n), A[i * n + k], part(B, k * n), width)
-            add(part(out, i * n + n), A[i * n + n + k], part(B, k * n), width)
-            k += 1
-        i += 2
-    if i < n:
-        for k in range(n):
-            add(part(out, i * n), A[i * n + k], part(B, k * n), n)
-    return 0
-
-
 def weigh(weights: Vector, along: Vector, modes: Vector, n: int, g: float) -> int:
     """What each entry, and its partners, contribute to (I - g L)^-1 in the coordinates of the modes.
 
@@ -117,10 +63,14 @@ def weigh(weights: Vector, along: Vector, modes: Vector, n: int, g: float) -> in
     return 0
 
 
-def invert(r: Vector, z: Vector, size: int, n: int, form: Vector, modes: Vector, pairs: int, work: Vector) -> int:
+def invert(
+    multiply: Function, r: Vector, z: Vector, size: int, n: int, form: Vector, modes: Vector, pairs: int, work: Vector
+) -> int:
     """Set z = (I - g L)^-1 r for packed moments; what is integrated alongside passes as it is.
 
-    form : (4 n^2,) W^-1, its transpose, W and its transpose, in units of the states. work : weights and room for three.
+    multiply : writes the product of two matrices, of as many rows as it is told first.
+    form : (4 n^2,) W^-1, its transpose, W and its transpose, in units of the states.
+    work : (MATRICES n^2 + 2 n + 1,) the weights, and room for three matrices and n.
     """
     square = n * n
     left = form
@@ -132,6 +82,8 @@ def invert(r: Vector, z: Vector, size: int, n: int, form: Vector, modes: Vector,
     half = part(work, 5 * square)
     inner = part(work, 6 * square)
     along = part(work, 7 * square)
+    rows = part(along, 2 * n)
+    rows[0] = float(n)
     partner = part(modes, 3 * n)
     for i in range(n):
         total = 0.0
@@ -151,11 +103,8 @@ def invert(r: Vector, z: Vector, size: int, n: int, form: Vector, modes: Vector,
             full[j * n + i] = r[k]
             full[i * n + j] = r[k]
             k += 1
-    product(half, left, full, n, 0)
-    product(inner, half, left_turned, n, 1)
-    for i in range(n):
-        for j in range(i):
-            inner[j * n + i] = inner[i * n + j]
+    multiply(rows, left, full, half)
+    multiply(rows, half, left_turned, inner)
     for i in range(square):
         full[i] = weights[i] * inner[i]
     if pairs == 1:
@@ -169,8 +118,8 @@ def invert(r: Vector, z: Vector, size: int, n: int, form: Vector, modes: Vector,
             for j in range(n):
                 across = int(partner[j])
                 row[j] += one[j] * turned[j] + two[j] * inner[i * n + across] + three[j] * turned[across]
-    product(half, right, full, n, 0)
-    product(inner, half, right_turned, n, 1)
+    multiply(rows, right, full, half)
+    multiply(rows, half, right_turned, inner)
     k = n
     for j in range(n):
         for i in range(j, n):
@@ -181,13 +130,12 @@ def invert(r: Vector, z: Vector, size: int, n: int, form: Vector, modes: Vector,
     return 0
 
 
-def rescale(differences: Vector, order: int, factor: float, size: int, small: Vector) -> int:
-    """Backward differences of steps that are `factor` as long."""
+def rescale(differences: Vector, order: int, factor: float, size: int, small: Vector, room: Vector) -> int:
+    """Backward differences of steps that are `factor` as long; room : for order + 1 of them."""
     across = order + 1
     change = small
     unit = part(small, 36)
     both = part(small, 72)
-    values = part(small, 108)
     for j in range(across):
         change[j] = 1.0
         unit[j] = 1.0
@@ -201,29 +149,43 @@ def rescale(differences: Vector, order: int, factor: float, size: int, small: Ve
             for k in range(across):
                 total += change[i * across + k] * unit[k * across + j]
             both[i * across + j] = total
-    for e in range(size):
+    for e in range(across * size):
+        room[e] = differences[e]
+        differences[e] = 0.0
+    for j in range(across):
+        row = part(differences, j * size)
         for i in range(across):
-            values[i] = differences[i * size + e]
-        for j in range(across):
-            total = 0.0
-            for i in range(across):
-                total += both[i * across + j] * values[i]
-            differences[j * size + e] = total
+            weight = both[i * across + j]
+            other = part(room, i * size)
+            if weight != 0.0:
+                for e in range(size):
+                    row[e] += weight * other[e]
     return 0
 
 
 def share(x: Vector, allowed: Vector, size: int) -> float:
     """Root mean square of x over what it may be; `allowed` holds inverses."""
-    total = 0.0
-    for i in range(size):
-        total += (x[i] * allowed[i]) * (x[i] * allowed[i])
-    return sqrt(total / float(size))
+    one = 0.0
+    two = 0.0
+    three = 0.0
+    four = 0.0
+    i = 0
+    while i + 3 < size:  # four sums, none of which waits for another
+        one += (x[i] * allowed[i]) * (x[i] * allowed[i])
+        two += (x[i + 1] * allowed[i + 1]) * (x[i + 1] * allowed[i + 1])
+        three += (x[i + 2] * allowed[i + 2]) * (x[i + 2] * allowed[i + 2])
+        four += (x[i + 3] * allowed[i + 3]) * (x[i + 3] * allowed[i + 3])
+        i += 4
+    while i < size:
+        one += (x[i] * allowed[i]) * (x[i] * allowed[i])
+        i += 1
+    return sqrt(((one + two) + (three + four)) / float(size))
 
 
 def carry(
-    rate: Function, grid: Vector, points: int, y: Vector, size: int, n: int, p: Vector, sizes: Vector, relative: float,
-    absolute: float, latest: float, most: int, form: Vector, modes: Vector, pairs: int, work: Vector, found: Vector,
-    state: Vector,
+    rate: Function, multiply: Function, grid: Vector, points: int, y: Vector, size: int, n: int, p: Vector, sizes: Vector,
+    relative: float, absolute: float, latest: float, most: int, form: Vector, modes: Vector, pairs: int, work: Vector,
+    found: Vector, state: Vector,
 ) -> int:
     """Carry y from the time in `state` through the times of the grid, of which the last ends the stretch.
 
@@ -233,6 +195,7 @@ def carry(
     sizes : (size,) of every entry; a step may err by relative (|y| + absolute sizes).
     latest : the last time at which the inputs are those of this stretch.
     form, modes, pairs : the modal form of N (see `weigh` and `invert`), and 1 if any of the modes is one of a pair.
+    multiply : see `invert`.
     work : (1 + VECTORS size + MATRICES n^2 + 2 n + 150,). found : (points, size), one after the other.
     state : (STATE,) time, step, order, equal steps, steps, steps refused, rates, points found, whether the form is of here,
         the g of the weights, how fast Newton's method converged, whether it has begun.
@@ -249,7 +212,7 @@ def carry(
     known = part(move, size)
     allowed = part(known, size)
     room = part(allowed, size)
-    along_room = MATRICES * n * n + 2 * n
+    along_room = MATRICES * n * n + 2 * n + 1
     small = part(room, along_room)
     last = grid[points - 1]
     t = state[0]
@@ -278,7 +241,7 @@ def carry(
         state[11] = 1.0
     while state[4] + state[5] < float(most):
         if t + h >= last or t + 1.0001 * h >= last:
-            rescale(differences, order, (last - t) / h, size, small)
+            rescale(differences, order, (last - t) / h, size, small, change)
             h = last - t
             state[3] = 0.0
         state[0] = t
@@ -290,15 +253,17 @@ def carry(
         after = last if ends else t + h
         alpha = (1.0 - KAPPA[order]) * GAMMA[order]
         for i in range(size):
-            total = differences[i]
-            ahead = 0.0
-            for k in range(1, order + 1):
-                total += differences[k * size + i]
-                ahead += GAMMA[k] * differences[k * size + i]
-            value[i] = total
-            known[i] = ahead / alpha
-            allowed[i] = 1.0 / (relative * (abs(total) + absolute * sizes[i]))
+            value[i] = differences[i]
+            known[i] = 0.0
             change[i] = 0.0
+        for k in range(1, order + 1):
+            row = part(differences, k * size)
+            weight = GAMMA[k] / alpha
+            for i in range(size):
+                value[i] += row[i]
+                known[i] += weight * row[i]
+        for i in range(size):
+            allowed[i] = 1.0 / (relative * (abs(value[i]) + absolute * sizes[i]))
         g = h / alpha
         least = 1
         if g != state[9]:
@@ -316,7 +281,7 @@ def carry(
             tries += 1
             for i in range(size):
                 slope[i] = g * slope[i] - known[i] - change[i]
-            invert(slope, move, size, n, form, modes, pairs, room)
+            invert(multiply, slope, move, size, n, form, modes, pairs, room)
             length = share(move, allowed, size)
             if not isfinite(length):
                 break
@@ -339,7 +304,7 @@ def carry(
                     y[i] = differences[i]
                 return REFRESH
             state[5] += 1.0
-            rescale(differences, order, 0.5, size, small)
+            rescale(differences, order, 0.5, size, small, change)
             h *= 0.5
             state[3] = 0.0
             continue
@@ -352,7 +317,7 @@ def carry(
         if wrong > 1.0:
             state[5] += 1.0
             factor = max(0.2, safety * wrong ** (-1.0 / float(order + 1)))
-            rescale(differences, order, factor, size, small)
+            rescale(differences, order, factor, size, small, change)
             h *= factor
             state[3] = 0.0
             continue
@@ -407,11 +372,11 @@ def carry(
                 higher = order + 1
         order = higher
         factor = min(10.0, safety * best)
-        rescale(differences, order, factor, size, small)
+        rescale(differences, order, factor, size, small, change)
         h *= factor
         state[3] = 0.0
     return TOO_MANY
 
 
-PROCEDURES = (two_rows, add, product, weigh, invert, rescale, share, carry)
+PROCEDURES = (weigh, invert, rescale, share, carry)
 """What is compiled together."""

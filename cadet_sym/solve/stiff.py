@@ -7,6 +7,7 @@ wants another one.
 from __future__ import annotations
 
 import ctypes
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, NamedTuple
@@ -14,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from cadet_sym.lowering.blas import multiplication
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.lowering.kernel import kernel
 from cadet_sym.solve.backward import MATRICES, PROCEDURES, REFRESH, STALLED, STATE, VECTORS
@@ -22,13 +24,17 @@ from cadet_sym.solve.evaluate import behind, gains
 from cadet_sym.solve.implicit import scaled_form
 from cadet_sym.solve.lyapunov import ModalForm
 from cadet_sym.solve.scales import Tolerance
+from cadet_sym.solve.threads import one_thread
 
 __all__ = ["MANY_STATES", "ModalArrays", "Stiff", "modal_arrays"]
 
 Array = npt.NDArray[np.float64]
 
 MANY_STATES = 100
-"""States up to which products of matrices are as fast here as those of a library."""
+"""States up to which what is called between steps is most of the work elsewhere."""
+
+SINGLE = 60
+"""States up to which a product of matrices is not worth a second thread to any library."""
 
 STEPS = 20_000
 """Most steps of a stretch: more means that the gains react so strongly that other ways are better."""
@@ -58,12 +64,13 @@ class Stiff:
         while status == REFRESH:
             form = self._form(float(state[0]), x)
             state[8], state[9] = 1.0, -1.0
-            status = _carry()(
-                rate.addresses["rate"], times.ctypes.data, len(times), x.ctypes.data, size, n, given.ctypes.data,
-                sizes.ctypes.data, self.tolerance.relative, self.tolerance.absolute, latest, STEPS,
-                form.matrices.ctypes.data, form.modes.ctypes.data, form.pairs, work.ctypes.data, found.ctypes.data,
-                state.ctypes.data,
-            )  # fmt: skip
+            with one_thread() if self.takes_threads else nullcontext():
+                status = _carry()(
+                    rate.addresses["rate"], multiplication(n), times.ctypes.data, len(times), x.ctypes.data,
+                    size, n, given.ctypes.data, sizes.ctypes.data, self.tolerance.relative, self.tolerance.absolute, latest,
+                    STEPS, form.matrices.ctypes.data, form.modes.ctypes.data, form.pairs, work.ctypes.data,
+                    found.ctypes.data, state.ctypes.data,
+                )  # fmt: skip
         self.steps += int(state[4])
         if status:
             reason = "Its steps shrink to nothing." if status == STALLED else "It took too many steps."
@@ -72,6 +79,11 @@ class Stiff:
         if not np.isfinite(found).all():
             raise Breakdown("the result is not finite")
         return found
+
+    @property
+    def takes_threads(self) -> bool:
+        """Whether products of matrices are so large that a library would spread them over threads."""
+        return self.lowered.facts.packing.n > SINGLE
 
     def _form(self, t: float, y: Array) -> ModalArrays:
         """The modal form of N at packed moments y, as `backward` takes it."""
@@ -110,6 +122,6 @@ def modal_arrays(form: ModalForm, scale: Array) -> ModalArrays:
 def _carry() -> Any:
     """The integrator; the same machine code for all models."""
     vector, number, integer = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
-    types = (vector, vector, integer, vector, integer, integer, vector, vector, number, number, number, integer)
+    types = (vector, vector, vector, integer, vector, integer, integer, vector, vector, number, number, number, integer)
     more = (vector, vector, integer, vector, vector, vector)
     return kernel(*PROCEDURES, fused=True).function("carry", *types, *more, returns=integer)
