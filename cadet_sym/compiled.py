@@ -23,7 +23,7 @@ from cadet_sym.results import MomentHistory, PeriodicMoments, Provenance, Statio
 from cadet_sym.solve.breakpoints import find_breakpoints
 from cadet_sym.solve.evaluate import outputs_over, results_over
 from cadet_sym.solve.senseless import refuse_senseless
-from cadet_sym.solve.start import profile_mean
+from cadet_sym.solve.start import profile_mean, warn_of_uneven_start
 from cadet_sym.solve.transient import Start, Trajectory, check_times, integrate, integrate_ahead
 from cadet_sym.solve.wheels import present_error
 from cadet_sym.version import VERSION
@@ -166,6 +166,8 @@ class CompiledModel:
             return np.array([steady_start(self.functions, each) for each in p])
         if facts.filters and not facts.smooth:
             self._refuse_drifting_ground(p)
+            if facts.delay is not None:
+                warn_of_uneven_start(self.functions, p)
         (y,) = results_over(self.functions.initial, p)
         y[:, : self.packing.n] += [profile_mean(self.functions, each) for each in p]
         _, covariance = self.packing.unpack(y)

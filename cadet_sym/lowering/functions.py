@@ -255,6 +255,13 @@ class MomentFunctions:
         return filters(self.symbolic)
 
     @_kept
+    def unevenness(self) -> ca.Function:
+        """P -> how unlike the ground is under the wheels of one track at the start."""
+        from cadet_sym.lowering.initial import unevenness
+
+        return unevenness(self.symbolic)
+
+    @_kept
     def profiles(self) -> ca.Function:
         """(s, p) -> C and offset of every copy of the ground's filter, one after the other, at places on the ground."""
         from cadet_sym.lowering.initial import profiles

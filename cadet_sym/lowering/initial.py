@@ -19,7 +19,7 @@ from cadet_sym.language.expression import DISTANCE, SPEED, SPEED_RATE, TIME
 from cadet_sym.lowering.expressions import to_casadi
 from cadet_sym.lowering.system import LoweredSystem
 
-__all__ = ["filter_matrices", "filters", "initial_moments", "places", "profiles", "vehicle_start"]
+__all__ = ["filter_matrices", "filters", "initial_moments", "places", "profiles", "unevenness", "vehicle_start"]
 
 _Environment = Mapping[sp.Symbol, ca.SX]
 
@@ -53,12 +53,29 @@ def filter_matrices(lowered: LoweredSystem, copy: FilterCopy) -> ca.Function:
 
     Were each copy taken at its own place, where coefficients vary, the wheels would not meet one and the same ground.
     """
-    p, env = _start_environment(lowered)
     system = lowered.equations.quasi_linear.system
     behind = [other.setback for other in system.copies if other.track == copy.track]
-    here = {DISTANCE: env[DISTANCE] - to_casadi(max(behind, key=system.model.number), env)}
+    return _matrices_behind(lowered, copy, max(behind, key=system.model.number))
+
+
+def _matrices_behind(lowered: LoweredSystem, copy: FilterCopy, setback: sp.Expr) -> ca.Function:
+    """p -> C, D Q D^T, D of a filter copy where a wheel of that setback stands at the start."""
+    p, env = _start_environment(lowered)
+    here = {DISTANCE: env[DISTANCE] - to_casadi(setback, env)}
     C, D, Q = (_dense(m, {**env, **here}) for m in (copy.filter.C, copy.filter.D, copy.filter.Q))
     return ca.Function("filter", [p], [C, ca.mtimes([D, Q, D.T]), D], ["p"], ["C", "DQD", "D"])
+
+
+def unevenness(lowered: LoweredSystem) -> ca.Function:
+    """p -> by how much the ground under a wheel at the start is other than under the rearmost of its track, relative."""
+    p = ca.SX.sym("p", len(lowered.parameters))
+    worst = ca.SX(0)
+    for copy in lowered.equations.quasi_linear.system.copies:
+        there, own = filter_matrices(lowered, copy)(p), _matrices_behind(lowered, copy, copy.setback)(p)
+        for a, b in zip(there[:2], own[:2], strict=True):
+            size = ca.norm_fro(a) + ca.norm_fro(b)
+            worst = ca.fmax(worst, ca.if_else(size > 0, ca.norm_fro(a - b) / size, 0))
+    return ca.Function("unevenness", [p], [worst])
 
 
 def filters(lowered: LoweredSystem) -> ca.Function:

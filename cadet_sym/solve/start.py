@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from itertools import pairwise
 
@@ -9,10 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from cadet_sym.lowering.functions import MomentFunctions
+from cadet_sym.solve.evaluate import results_over
 
-__all__ = ["profile_mean"]
+__all__ = ["profile_mean", "warn_of_uneven_start"]
 
 Array = npt.NDArray[np.float64]
+
+UNEVEN = 1e-9
+"""Relative difference of the ground's equations under two wheels that is more than rounding."""
 
 DECAY = 40.0
 """Decay lengths of the slowest mode that are looked back on: exp(-40) is below rounding."""
@@ -33,6 +38,19 @@ def profile_mean(functions: MomentFunctions, p: Array) -> Array:
     linear = np.asarray(functions.vehicle_start(p)[1])
     mean[: facts.vehicle] = linear @ mean[facts.vehicle :]
     return mean
+
+
+def warn_of_uneven_start(functions: MomentFunctions, p: Array) -> None:
+    """Warn where the ground at the start is not one and the same under the wheels of a track, for parameters (k, count)."""
+    (unlike,) = results_over(functions.unevenness, p)
+    if not (unlike <= UNEVEN).all():
+        warnings.warn(
+            "the ground at the start is not the same under all wheels of a track; all of it is taken to be like that under "
+            "the rearmost, until they have left it. Let the travel begin where the ground is the same over the wheelbase, "
+            'or use `ground = "smooth"`',
+            RuntimeWarning,
+            stacklevel=4,
+        )
 
 
 _Along = Callable[[Array], tuple[Array, Array]]
