@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 
+import casadi as ca
 import numpy as np
 import pytest
 import sympy as sp
@@ -311,3 +312,32 @@ def test_a_wave_that_gets_shorter_is_integrated_with_a_warning():
         df = describing_function((Z,), parse("sin(z**2)"), name="f")
     # E[exp(i z^2)] = (1 - 2 i p)^-1/2 about zero
     assert float(element_function(df, ())(0, 0.25, [])[0]) == pytest.approx(((1 - 0.5j) ** -0.5).imag, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "tanh(z)*exp(-z)",
+        "erf(2*z - 1)*exp(-z)",
+        "abs(z)**0.5*exp(z)",
+        "tanh(z)*cosh(z)",
+        "exp(z)/(1 + exp(z))",
+        "exp(z)*sqrt(z**2 + 1) if z > 0 else 0",
+    ],
+)
+def test_an_exponential_is_followed_to_where_its_weight_lies(text):
+    df = describing_function((Z,), expression(text))
+    found = check(df)  # at standard deviations up to 10, where exp(z) weighs most a hundred from the mean
+    assert max(found.error, found.gain_error) < 1e-10
+    m, p = ca.SX.sym("m"), ca.SX.sym("p")
+    F, _ = element_function(df, ())(m, p, [])
+    H, g = ca.hessian(F, ca.vertcat(m, p))
+    slopes = ca.Function("slopes", [m, p], [H[0, 0] / 2, g[1]])
+    for at in ((0.3, 0.5), (-1.0, 2.0), (0.7, 1e-6)):
+        half, slope = (float(x) for x in slopes(*at))
+        assert slope == pytest.approx(half, rel=1e-8)  # dF/dp = F''/2
+
+
+def test_an_exponential_that_cannot_be_parted_is_warned_of():
+    with pytest.warns(ExpectationWarning, match="accurate to"):
+        describing_function((Z,), expression("(1 + exp(z))**1.5"))

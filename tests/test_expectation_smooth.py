@@ -186,3 +186,36 @@ def test_the_error_claimed_is_that_at_other_moments_too():
         error, _ = _Case.of(found, {}, 1.0, np.exp(size), np.tanh(lean), (mean[0], mean[1])).error(found.step)
         assert error < 3 * found.error
     assert found.nodes < 1300
+
+
+RUN = """
+schema = 1
+name = "driven to rest"
+[parameters]
+k = 0.3
+c = 0.5
+[rates]
+x = "v"
+v = "-x - 0.8*v - {force} + w"
+[noise]
+w = "1.0"
+[run]
+duration = {duration}
+points = 3
+"""
+
+
+@pytest.mark.parametrize("force", ["k*v*sqrt(x**2 + v**2 + c)", "k*tanh(c*x*v) + k*v", "k*max(x, c*v)*abs(v)*sign(v)"])
+def test_the_stationary_state_is_the_end_of_a_long_run_and_gradients_are_differences(tmp_path, force):
+    path = tmp_path / "model.toml"
+    path.write_text(RUN.format(force=force, duration=60.0))
+    compiled = cs.compile(cs.load(path))
+    fixed, history = compiled.stationary(), compiled.propagate()
+    assert fixed.state_covariance == pytest.approx(history.state_covariance[-1], abs=1e-6)
+    assert fixed.state_mean == pytest.approx(history.state_mean[-1], abs=1e-6)
+    path.write_text(RUN.format(force=force, duration=2.0))
+    compiled, h = cs.compile(cs.load(path)), 1e-4
+    found = compiled.propagate().gradient("x", ["k", "c"])[-1]
+    for name, value, slope in (("k", 0.3, found[0]), ("c", 0.5, found[1])):
+        ends = [float(compiled.propagate(parameters={name: value + sign * h}).std["x"][-1]) ** 2 for sign in (1, -1)]
+        assert slope == pytest.approx((ends[0] - ends[1]) / (2 * h), rel=1e-5, abs=1e-7)

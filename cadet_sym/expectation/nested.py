@@ -14,6 +14,7 @@ from sympy.core.relational import Relational
 
 from cadet_sym.errors import LinearisationError
 from cadet_sym.expectation.closed_form import normal
+from cadet_sym.expectation.crossings import CURVED_ERROR, Crossing, crossings_of
 from cadet_sym.expectation.existence import require_expectation
 from cadet_sym.expectation.pieces import TINY, Cell, Partition, Splitter, affine, factored
 from cadet_sym.expectation.quadrature import PLAIN_ERROR, PLAIN_RULE, Integral, Rule, Wish, stretches
@@ -31,17 +32,12 @@ WITH_CURVES = Rule(3, 24, straight=32)
 AT_ENDS = Rule(1, 16, straight=24, graded=20)
 TRAPEZOIDAL = Rule(order=80)
 WITH_POLES = Rule(order=56, straight=40)
-MAX_CROSSINGS = 4
-MAX_CURVES = 2
 WHOLE = Cell()
 SAME = 1e-12  # relative difference of points that are one
 INSIDE = 0.37  # how far within a cell it is looked at
 INNER_ERROR = 1e-9
 MAX_NODES = 50_000
 SINGULAR_EFFORT = 3
-CURVED_ERROR = 1e-4  # of gains, the largest found where kinks lie on a curve
-LOST_ERROR = 0.1  # the same where there are too many to follow
-FOUND_ERROR = 1e-9  # the largest that these rules were found to leave, relative, up to correlation one
 
 
 @dataclass(frozen=True)
@@ -62,19 +58,6 @@ class Step:
 
     position: sp.Expr
     inner: DescribingFunction
-
-
-@dataclass(frozen=True)
-class Crossing:
-    """A kink or a pole of f in another argument, at start + slope z, z the outer argument."""
-
-    argument: int
-    start: sp.Expr
-    slope: sp.Expr
-    width: sp.Expr | None  # of a pole, perhaps a function of z; None for a kink
-    curve: sp.Expr | None = None  # or where this polynomial of degree two in z and `symbol` is zero
-    symbol: sp.Symbol | None = None  # the argument
-    branch: int = 0  # -1, 1: which of the two places where the line through the means passes the curve
 
 
 @dataclass(frozen=True)
@@ -190,7 +173,7 @@ def _over(
             steep = steep if wish.plain or any(singular) else (*steep, *_waves(value, z, rest))
             slices.append(Slice(Integral(lower, upper, value, z, steep, singular), *expectations))
     steps = (Step(position, inner(change)) for position, change in _steps(slices, z))
-    met, error = _crossings(slices, z, others)
+    met, error = crossings_of([piece.inner for piece in slices], z, others)
     inside = max((piece.inner.error for piece in slices), default=0.0)
     error = max(error, inside) if inside >= CURVED_ERROR else error
     crossings = tuple(c for c in met if c.width is None or not wish.plain)
@@ -370,52 +353,3 @@ def _steps(slices: list[Slice], z: sp.Symbol) -> Iterator[tuple[sp.Expr, sp.Expr
         size = normal(change.subs(z, position))
         if size != 0 and size.is_finite is not False:
             yield position, size
-
-
-def _crossings(slices: list[Slice], z: sp.Symbol, others: tuple[int, ...]) -> tuple[list[Crossing], float]:
-    """Kinks and poles in the inner arguments, where they are met in the outer one; and the error that is left."""
-    found: dict[tuple[int, sp.Expr], sp.Expr | None] = {}
-    for piece in slices:
-        for product in piece.inner.products:
-            for argument, position in product.kinks():
-                lines = position.args if isinstance(position, sp.Max | sp.Min) else (position,)
-                found.update({(others[argument], line): None for line in lines})
-            for argument, position, width in product.poles():
-                found.setdefault((others[argument], position), width)
-    straight, curves, error = [], {}, FOUND_ERROR
-    for (argument, position), width in found.items():
-        if position.is_polynomial(z) and sp.degree(position, z) <= 1:
-            slope = position.coeff(z, 1) if position.has(z) else sp.S.Zero
-            straight.append(Crossing(argument, sp.expand(position - slope * z), slope, width))
-        elif not position.is_number or width is None:
-            error = CURVED_ERROR
-            curve = _curve(position, z)
-            curves.update({} if curve is None else {(argument, curve): width})
-    if len(curves) <= MAX_CURVES:
-        straight += [
-            Crossing(argument, sp.S.Zero, sp.S.One, width, curve, _ON_CURVE, branch)
-            for (argument, curve), width in curves.items()
-            for branch in (-1, 1)
-        ]
-    else:
-        error = LOST_ERROR
-    return straight[:MAX_CROSSINGS], error
-
-
-_ON_CURVE = sp.Dummy("y", real=True)
-
-
-def _curve(position: sp.Expr, z: sp.Symbol) -> sp.Expr | None:
-    """A polynomial of degree two in z and `_ON_CURVE` that is zero at a kink, which a straight line meets twice; or None."""
-    position = position.replace(lambda e: isinstance(e, sp.Max) and TINY in e.args, lambda e: sp.Max(*set(e.args) - {TINY}))
-    y, (numerator, denominator) = _ON_CURVE, sp.fraction(sp.together(position))
-    curve = denominator * y - numerator
-    roots = {node for node in curve.atoms(sp.Pow) if node.exp == sp.S.Half and node.has(z)}
-    if len(roots) == 1:  # both signs of it at once
-        (root,) = roots
-        rest = sp.expand(curve).coeff(root, 0)
-        curve = rest**2 - sp.expand(curve - rest) ** 2
-    curve = sp.expand(curve)
-    _, curve = sp.factor_terms(curve).as_independent(z, y, as_Add=False)
-    curve = sp.expand(curve)
-    return curve if curve.is_polynomial(z, y) and sp.total_degree(curve, z, y) == 2 else None

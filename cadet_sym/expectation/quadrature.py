@@ -26,6 +26,7 @@ import sympy as sp
 
 from cadet_sym.expectation.pieces import Cell
 from cadet_sym.expectation.steep import Steep, singular_at, steep_places
+from cadet_sym.expectation.tame import growing
 from cadet_sym.language.numeric import erf
 
 REACH = 8.0  # standard deviations from the mean; 1e-15 of the probability lies beyond
@@ -126,6 +127,7 @@ class Integral:
     singular: tuple[bool, bool] = (False, False)  # at the lower, the upper end; not at both
     rule: Rule = Rule()
     error: float = field(default=0.0, compare=False)
+    rate: sp.Expr = sp.S.Zero  # times exp(rate z), which moves the mean by rate p and leaves the value
 
     @property
     def is_whole_line(self) -> bool:
@@ -443,14 +445,19 @@ def integrals(cell: Cell, value: sp.Expr, z: sp.Symbol, where: str, wish: Wish) 
     """Find the steep places and singular ends of a piece, and the order that its accuracy needs."""
     from cadet_sym.expectation.accuracy import chosen
 
+    for rate, rest in growing(value, cell, z):
+        for part in _integrals(cell, rest, z, wish):
+            yield replace(part if wish.plain else chosen(part, where, wish), rate=rate)
+
+
+def _integrals(cell: Cell, value: sp.Expr, z: sp.Symbol, wish: Wish) -> Iterator[Integral]:
     for lower, upper, singular in stretches(cell, value, z):
         if wish.plain:
             yield Integral(lower, upper, cell.indicated(value), z, (), singular, PLAIN_RULE, PLAIN_ERROR)
             continue
         steep = tuple(steep_places(value, z, Cell.between(lower, upper), singular))
         steep = (_one_sided(steep[0], lower, upper, wish),) if len(steep) == 1 else steep
-        part = Integral(lower, upper, cell.indicated(value), z, steep, singular)
-        yield chosen(part, where, wish)
+        yield Integral(lower, upper, cell.indicated(value), z, steep, singular)
 
 
 def _one_sided(place: Steep, lower: sp.Expr, upper: sp.Expr, wish: Wish) -> Steep:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import sympy as sp
+
+from cadet_sym.expectation.pieces import Cell, affine
 
 
 def tamed(body: sp.Expr, arguments: tuple[sp.Symbol, ...]) -> sp.Expr:
@@ -11,10 +15,46 @@ def tamed(body: sp.Expr, arguments: tuple[sp.Symbol, ...]) -> sp.Expr:
     def moving(expr: sp.Basic) -> int:
         return sum(expr.has(z) for z in arguments)
 
-    body = body.replace(_is_logistic, _by_tanh)
+    body = body.replace(lambda e: isinstance(e, sp.Mul), _turned).replace(_is_logistic, _by_tanh)
     body = body.replace(lambda e: _is_soft_ramp(e) and moving(e) == 1, _by_ramp)
     body = body.replace(lambda e: isinstance(e, sp.atan2) and moving(e.args[1]) > 0, _by_half)
     return body.replace(lambda e: isinstance(e, sp.atan) and moving(_quotient(e)[1]) > 0, _by_quotient)
+
+
+def growing(value: sp.Expr, cell: Cell, z: sp.Symbol) -> Iterator[tuple[sp.Expr, sp.Expr]]:
+    """Terms exp(rate z) x rest, as (rate, rest), where such a factor moves what is to be seen beyond reach of the mean.
+
+    On the whole line it does either way, on half of it where it grows; if the rest has exponentials of its own it may not.
+    """
+    found: dict[sp.Expr, sp.Expr] = {}
+    whole = value.replace(lambda e: isinstance(e, sp.sinh | sp.cosh) and e.has(z), lambda e: e.rewrite(sp.exp))
+    for term in sp.Add.make_args(sp.expand(whole, deep=False, power_base=False, log=False)):
+        powers = [f for f in sp.Mul.make_args(term) if isinstance(f, sp.exp) and affine(f.args[0], z) is not None]
+        rest = sp.Mul(*(f for f in sp.Mul.make_args(term) if f not in powers))
+        slope, offset = affine(sp.Add(*(f.args[0] for f in powers)), z) or (sp.S.Zero, sp.S.Zero)
+        seen = not (cell.lowers and cell.uppers) and not (cell.lowers and not slope.is_positive)
+        seen = seen and not (cell.uppers and not slope.is_negative)
+        if not powers or not seen or any(f.has(z) for f in rest.atoms(sp.exp, sp.sinh, sp.cosh)):
+            slope, rest = sp.S.Zero, term
+        else:
+            rest = rest * sp.exp(offset)
+        found[slope] = found.get(slope, sp.S.Zero) + rest
+    if set(found) == {sp.S.Zero}:
+        yield sp.S.Zero, value
+    else:
+        yield from found.items()
+
+
+def _turned(product: sp.Mul) -> sp.Expr:
+    """e^a/(b + c e^a) as 1/(c + b e^-a): of the difference that is left of the one nothing is left times e^a."""
+    for factor in product.args:
+        if _is_logistic(factor) and factor.exp == -1:
+            constant, rest = factor.base.as_coeff_Add()
+            scale, power = rest.as_coeff_Mul()
+            if power in product.args:
+                others = sp.Mul(*(f for f in product.args if f not in (factor, power)))
+                return others / (scale + constant * sp.exp(-power.args[0]))
+    return product
 
 
 def _is_logistic(expr: sp.Expr) -> bool:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from math import comb
 
 import casadi as ca
 import sympy as sp
@@ -44,6 +45,7 @@ class Gaussian:
         self.tilts: dict[tuple[sp.Expr, ...], Tilt] = {}
         self.columns: dict[Table, tuple[ca.SX, ca.SX, ca.SX, list[ca.SX]]] = {}
         self.panels: dict[Integral, _Panels] = {}
+        self.moved: dict[sp.Expr, Gaussian] = {}  # by the rate of an exponential
         self.tails: dict[tuple[sp.Expr, ...], tuple[ca.SX, list[Complex]]] = {}
 
     def value(self, expr: sp.Expr) -> ca.SX:
@@ -203,9 +205,20 @@ class Gaussian:
         return ca.fmin(ca.fmax((self.value(position) - self.m) / self.s, -REACH), REACH)
 
     def _integral(self, part: Integral, order: int) -> ca.SX:
+        if part.rate != 0:
+            return self._moved(part, order)
         if part not in self.panels:
             self.panels[part] = _Panels(self, part)
         return self.panels[part].total(order)
+
+    def _moved(self, part: Integral, order: int) -> ca.SX:
+        """d^order/dm^order of E[exp(a z) g] = exp(a m + a^2 p / 2) G(m + a p), G = E[g]."""
+        a, plain = self.value(part.rate), replace(part, rate=sp.S.Zero)
+        if part.rate not in self.moved:
+            self.moved[part.rate] = Gaussian(self.m + a * self.p, self.p, self.env)
+        there = self.moved[part.rate]
+        total = sum((comb(order, j) * a ** (order - j) * there._integral(plain, j) for j in range(order + 1)), start=ca.SX(0))
+        return total * ca.exp(a * self.m + a * a * (self.p / 2))
 
 
 class _Panels:

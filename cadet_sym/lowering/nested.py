@@ -9,8 +9,9 @@ import casadi as ca
 import sympy as sp
 
 from cadet_sym.expectation.conditional import Product
+from cadet_sym.expectation.crossings import Crossing
 from cadet_sym.expectation.describing import DescribingFunction
-from cadet_sym.expectation.nested import Crossing, Nested, Slice
+from cadet_sym.expectation.nested import Nested, Slice
 from cadet_sym.expectation.quadrature import REACH, Nodes, lay_out
 from cadet_sym.expectation.steep import Steep
 from cadet_sym.lowering.algebra import CasadiAlgebra

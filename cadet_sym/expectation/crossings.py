@@ -1,0 +1,81 @@
+"""Where the mean of one argument, given another, meets a kink or a pole: there an integral over the other needs its nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import sympy as sp
+
+from cadet_sym.expectation.pieces import TINY
+
+if TYPE_CHECKING:
+    from cadet_sym.expectation.describing import DescribingFunction
+
+MAX_CROSSINGS = 4
+MAX_CURVES = 2
+CURVED_ERROR = 1e-4  # of gains, the largest found where kinks lie on a curve
+LOST_ERROR = 0.1  # the same where there are too many to follow
+FOUND_ERROR = 1e-9  # the largest that these rules were found to leave, relative, up to correlation one
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """A kink or a pole of f in another argument, at start + slope z, z the outer argument."""
+
+    argument: int
+    start: sp.Expr
+    slope: sp.Expr
+    width: sp.Expr | None  # of a pole, perhaps a function of z; None for a kink
+    curve: sp.Expr | None = None  # or where this polynomial of degree two in z and `symbol` is zero
+    symbol: sp.Symbol | None = None  # the argument
+    branch: int = 0  # -1, 1: which of the two places where the line through the means passes the curve
+
+
+def crossings_of(inside: Sequence[DescribingFunction], z: sp.Symbol, others: tuple[int, ...]) -> tuple[list[Crossing], float]:
+    """Kinks and poles in the inner arguments, where they are met in the outer one; and the error that is left."""
+    found: dict[tuple[int, sp.Expr], sp.Expr | None] = {}
+    for product in (product for df in inside for product in df.products):
+        for argument, position in product.kinks():
+            lines = position.args if isinstance(position, sp.Max | sp.Min) else (position,)
+            found.update({(others[argument], line): None for line in lines})
+        for argument, position, width in product.poles():
+            found.setdefault((others[argument], position), width)
+    straight, curves, error = [], {}, FOUND_ERROR
+    for (argument, position), width in found.items():
+        if position.is_polynomial(z) and sp.degree(position, z) <= 1:
+            slope = position.coeff(z, 1) if position.has(z) else sp.S.Zero
+            straight.append(Crossing(argument, sp.expand(position - slope * z), slope, width))
+        elif not position.is_number or width is None:
+            error = CURVED_ERROR
+            curve = _curve(position, z)
+            curves.update({} if curve is None else {(argument, curve): width})
+    if len(curves) <= MAX_CURVES:
+        straight += [
+            Crossing(argument, sp.S.Zero, sp.S.One, width, curve, _ON_CURVE, branch)
+            for (argument, curve), width in curves.items()
+            for branch in (-1, 1)
+        ]
+    else:
+        error = LOST_ERROR
+    return straight[:MAX_CROSSINGS], error
+
+
+_ON_CURVE = sp.Dummy("y", real=True)
+
+
+def _curve(position: sp.Expr, z: sp.Symbol) -> sp.Expr | None:
+    """A polynomial of degree two in z and `_ON_CURVE` that is zero at a kink, which a straight line meets twice; or None."""
+    position = position.replace(lambda e: isinstance(e, sp.Max) and TINY in e.args, lambda e: sp.Max(*set(e.args) - {TINY}))
+    y, (numerator, denominator) = _ON_CURVE, sp.fraction(sp.together(position))
+    curve = denominator * y - numerator
+    roots = {node for node in curve.atoms(sp.Pow) if node.exp == sp.S.Half and node.has(z)}
+    if len(roots) == 1:  # both signs of it at once
+        (root,) = roots
+        rest = sp.expand(curve).coeff(root, 0)
+        curve = rest**2 - sp.expand(curve - rest) ** 2
+    curve = sp.expand(curve)
+    _, curve = sp.factor_terms(curve).as_independent(z, y, as_Add=False)
+    curve = sp.expand(curve)
+    return curve if curve.is_polynomial(z, y) and sp.total_degree(curve, z, y) == 2 else None
