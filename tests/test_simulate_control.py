@@ -78,6 +78,29 @@ def test_the_twin_is_left_where_it_saves_nothing():
     assert cs.simulate(model, 400, times=[20.0, 30.0], step=0.05, control=True).method
 
 
+def test_a_twin_that_runs_away_is_left():
+    """Its gain under strong friction is too stiff for steps that the bounded friction itself lets pass."""
+    model = toml(
+        """
+        name = "stuck"
+        [elements.friction]
+        library = "coulomb"
+        force = 30.0
+        [rates]
+        x = "v"
+        v = "-x - 0.1*v - friction(v) + w"
+        [noise]
+        w = 1.0
+        [run]
+        duration = 5.0
+        points = 11
+        """
+    )
+    ensemble = cs.simulate(model, paths=200, seed=1)
+    assert "simulated without it" in " ".join((ensemble.method, *ensemble.notes))
+    assert 2e-4 < ensemble.variance["v"][-1] < 2e-3
+
+
 def test_a_model_without_expectations_is_simulated_plainly():
     model = oscillator("-v/(1 + v) - v", Q=0.01, scalar=True)
     run = cs.simulate(model, 200, times=[0.5], step=0.05)

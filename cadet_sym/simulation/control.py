@@ -92,7 +92,8 @@ class ControlTally:
     def gains(self, records: np.ndarray) -> np.ndarray:
         """How many times smaller the twin makes the variance of the estimates of mean and variance, (2, times)."""
         there = alive(records)
-        if (there.sum(axis=1) < 0.5 * there.shape[1]).any():  # the twin runs away
+        runs_away = np.abs(records[:, self.twin : self.twin + 2 * self.vehicle]).max(initial=0.0, where=there[:, None]) > _AWAY
+        if runs_away or (there.sum(axis=1) < 0.5 * there.shape[1]).any():
             return np.ones((2, len(there)))
         left = self.left_over(records, records)[:, 0]
         X = (records[:, self.target] - self.centre[:, None]) / self.unit[:, None]
@@ -153,6 +154,8 @@ class ControlTally:
 
         From two records of the same paths; (times,) the worst control of each.
         """
+        if not self.prefer.any():
+            return np.zeros(len(self.centre))
         a, b = (self._vectors(records)[:, 3:] for records in (coarse, fine))
         added, n = a - b, max(a.shape[2], 2)
         shift, doubt = np.abs(added.mean(axis=2)), added.std(axis=2) / math.sqrt(n)
@@ -317,6 +320,8 @@ def controlled_step(
     parts = {name: getattr(error, name).copy() for name in _PARTS}
     spread = spread.copy()
     for tally in tallies:
+        if not tally.prefer.any():
+            continue
         left = tally.left_over(coarse, fine)  # (2 of mean and variance, 2 of coarse and fine, times, pairs)
         there = np.isfinite(left).all(axis=(0, 1, 2))
         difference = (left[:, 0] - left[:, 1])[..., there]
@@ -329,4 +334,5 @@ def controlled_step(
     return StepError(**parts, paths=error.paths), spread
 
 
+_AWAY = 1e25  # a twin that far has no moments: its gains are too stiff for the step. Eighth powers are still finite
 _PARTS = ("mean", "variance", "mean_standard_error", "variance_standard_error")

@@ -141,13 +141,15 @@ def _try(problem: Problem, step: float, before: float, engine: str, seed: int, p
         return _Trial(float(grid.step.max()), error, reference, math.inf, math.inf, precision.paths, lost)
     spread = math.sqrt(pairs) * np.stack([moments.mean_standard_error, moments.variance_standard_error])
     if reference.controls:
-        error, spread = controlled_step(reference.controls, records[1], records[0], error, spread)
+        with np.errstate(over="ignore", invalid="ignore"):  # of the coarser of two, the twin may run away
+            error, spread = controlled_step(reference.controls, records[1], records[0], error, spread)
     sampling = precision.sampling(spread, moments.variance)
     with np.errstate(divide="ignore", invalid="ignore"):
         needed = float(np.nanmax(np.where(sampling > 0.0, spread / sampling, 0.0), initial=0.0)) ** 2
     excess, bias = _excess(problem, error, moments, _PART * sampling)
     # A twin whose moments the step falsifies is not used in the end: keep its means within two of their standard errors.
-    moved = max((float(tally.drift(records[1], records[0]).max()) for tally in reference.controls), default=0.0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        moved = max((float(tally.drift(records[1], records[0]).max()) for tally in reference.controls), default=0.0)
     moved *= 0.5 * math.sqrt(max(needed, precision.paths))
     excess, bias = max(excess, moved), max(bias, moved)
     return _Trial(float(grid.step.max()), error, reference, excess, bias, needed)

@@ -102,14 +102,15 @@ def _jumps(lowered: MomentFunctions, p: Array, begin: float, y: Array, end: floa
         return False
     rate, duration = _rate(lowered, p), end - begin
     rates, passed, step = [rate(begin, y)], 0.0, max(FIRST * duration, 4 * float(np.spacing(begin)))
-    while passed < LAST * duration or len(rates) < 3:
-        y, passed = _step(rate, begin + passed, y, step), passed + step
-        rates.append(rate(begin + passed, y))
-        step = passed
-    first, late, last = rates[0], rates[-2], rates[-1]
-    # a rate that grows from zero, or is fast, changes as the time doubles
-    steady = np.abs(last - late) <= STEADY * np.abs(last)
-    return bool(np.any(steady & (np.abs(last - first) > JUMP * np.abs(last))))
+    with np.errstate(all="ignore"):  # what runs away is not steady
+        while passed < LAST * duration or len(rates) < 3:
+            y, passed = _step(rate, begin + passed, y, step), passed + step
+            rates.append(rate(begin + passed, y))
+            step = passed
+        first, late, last = rates[0], rates[-2], rates[-1]
+        # a rate that grows from zero, or is fast, changes as the time doubles
+        steady = np.abs(last - late) <= STEADY * np.abs(last)
+        return bool(np.any(steady & (np.abs(last - first) > JUMP * np.abs(last))))
 
 
 def _step(rate: Callable[[float, Array], Array], time: float, y: Array, h: float) -> Array:
