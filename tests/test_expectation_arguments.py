@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import warnings
 
 import casadi as ca
 import numpy as np
 import pytest
 import sympy as sp
+from conftest import ROOT
 from gaussian_integrals import covariance, two
 
 import cadet_sym as cs
@@ -272,3 +276,26 @@ def test_the_gain_of_an_angle_has_its_jump(text):
     for k, e in enumerate(np.eye(2)):
         F = [float(function(mean + n * h * e, S, [])[0]) for n in (-2, -1, 1, 2)]
         assert gain[k] == pytest.approx((F[0] - 8 * F[1] + 8 * F[2] - F[3]) / (12 * h), rel=1e-5, abs=1e-6)
+
+
+@pytest.mark.parametrize("text", ["sin(x)*abs(x - y)", "tanh(x*y)*erf(x)/(2 + y**2)", "cos(2*x)*max(x*y, 0)"])
+def test_what_has_no_wave_across_or_no_factors_is_integrated_too(text):
+    function, f = compiled(text), parse(text)
+    mean, S = (0.3, -0.2), [0.8, 0.3, 1.1]
+    stds, rho = np.sqrt([S[0], S[2]]), 0.3 / np.sqrt(0.88)
+    exact = two(lambda x, y: evaluate(f, {X: x, Y: y}), mean, stds, rho, [[0.0], [0.0]])
+    assert float(function(mean, S, [])[0]) == pytest.approx(exact, rel=2e-5)
+
+
+def test_nodes_are_the_same_in_every_process():
+    """Sets have another order in each: of two poles at one place now the one, now the other was kept."""
+    program = (
+        "import sys; sys.path.insert(0, 'tests')\n"
+        "from test_expectation_arguments import compiled\n"
+        "print([float(x).hex() for x in compiled('atan(y/x)/(1 + x**2)')([0.3, -0.2], [0.8, 0.3, 1.1], [])[1].nz])"
+    )
+    words, found = [sys.executable, "-c", program], set()
+    for seed in ("1", "3"):
+        env = {**os.environ, "PYTHONHASHSEED": seed}
+        found.add(subprocess.run(words, cwd=ROOT, env=env, capture_output=True, check=True).stdout)
+    assert len(found) == 1

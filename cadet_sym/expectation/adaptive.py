@@ -195,7 +195,7 @@ def _places(body: sp.Expr, arguments: tuple[sp.Symbol, ...], level: int) -> list
     """What is zero where f switches, is singular or is steep, and has this argument for its last."""
     z, later = arguments[level], set(arguments[level + 1 :])
     found = dict.fromkeys(f for a in arguments for f in switching_functions(body, a))
-    for node in body.atoms(sp.Function, sp.Pow):
+    for node in sorted(body.atoms(sp.Function, sp.Pow), key=sp.default_sort_key):
         if isinstance(node, sp.Pow) and node.exp.is_Integer and node.exp > 0:
             continue
         inner = node.args[0] if not (isinstance(node, sp.Pow) and node.exp.free_symbols & set(arguments)) else node.exp

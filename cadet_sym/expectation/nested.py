@@ -183,10 +183,10 @@ def _over(
 
 def _waves(value: sp.Expr, z: sp.Symbol, rest: tuple[sp.Symbol, ...]) -> Iterator[Steep]:
     """Where waves in another argument are long: averaged over it, they are seen near there only."""
-    for wave in value.atoms(sp.sin, sp.cos):
+    for wave in sorted(value.atoms(sp.sin, sp.cos), key=sp.default_sort_key):
         for y in rest:
             line = affine(sp.diff(wave.args[0], y), z)
-            if line is not None and line[0].is_number:
+            if line is not None and line[0].is_number and line[0] != 0:
                 yield Steep(-line[1] / line[0], 1 / sp.Abs(line[0] * y))
                 return
 

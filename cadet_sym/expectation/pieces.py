@@ -414,7 +414,11 @@ def factors_of(expr: sp.Expr, z: sp.Symbol) -> list[sp.Expr]:
 def factored(expr: sp.Expr) -> tuple[sp.Expr, list[tuple[sp.Expr, int]]]:
     """A constant with the sign of the polynomial's, and its factors with their powers."""
     numerator, denominator = sp.fraction(sp.together(expr))
-    constant, factors = sp.factor_list(numerator)
+    try:
+        constant, factors = sp.factor_list(numerator)
+    except sp.PolynomialError:  # exponentials of other symbols beside roots of numbers
+        constant, rest = numerator.as_coeff_mul(*numerator.free_symbols)
+        factors = [(factor, 1) for factor in rest]
     return constant * denominator, factors
 
 

@@ -74,10 +74,9 @@ def _is_regular(node: sp.Expr) -> bool:
 def steep_places(value: sp.Expr, z: sp.Symbol, cell: Cell, singular: tuple[bool, bool]) -> Iterator[Steep]:
     """Steep places of a smooth expression on a cell, those at its singular ends left out."""
     found: dict[sp.Expr, sp.Expr] = {}
-    for node in value.atoms(sp.Function, sp.Pow):
+    for node in sorted(value.atoms(sp.Function, sp.Pow), key=sp.default_sort_key):  # the same in every process
         for centre, width in _of(node, z):
-            known = found.get(centre)
-            found[centre] = width if known is None or _narrower(width, known) else known
+            found[centre] = _narrower(width, found.get(centre, width))
     ends = [bound for bound, is_singular in zip((cell.lower, cell.upper), singular, strict=True) if is_singular]
     places = [(c, w) for c, w in found.items() if not any(sp.expand(c - end) == 0 for end in ends) and not _is_far(c, cell)]
     for centre, width in places[:MAX_STEEP]:
@@ -95,8 +94,10 @@ def _is_far(centre: sp.Expr, cell: Cell) -> bool:
     return bool((centre - cell.upper - length).is_nonnegative or (cell.lower - centre - length).is_nonnegative)
 
 
-def _narrower(a: sp.Expr, b: sp.Expr) -> bool:
-    return bool((b - a).is_positive)
+def _narrower(a: sp.Expr, b: sp.Expr) -> sp.Expr:
+    """Of two widths the smaller, if need be for the numbers at hand."""
+    difference = b - a
+    return a if difference.is_nonnegative else b if difference.is_nonpositive else sp.Min(a, b)
 
 
 def _of(node: sp.Expr, z: sp.Symbol) -> Iterator[tuple[sp.Expr, sp.Expr]]:
