@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from math import erf, exp, pi, sqrt
 
 import numpy as np
+from scipy import special
 
 Rate = Callable[[float, np.ndarray], np.ndarray]
 
@@ -57,6 +58,36 @@ def figure_3() -> Script:
     start = np.zeros(14)
     start[4 + 5], start[4 + 9] = 1 / 1.1, c0 / 1.1
     return Script(rate, start, 4)
+
+
+def figure_3_plain() -> Script:
+    """The same as most would write it: matrices by np.array at every call, scipy.special.erf, the covariance whole."""
+    wn, zeta, gamma, r, a, c0, c1, k = 10.0, 0.01, 0.1, 0.1, 8.0, 0.4, 2.2, 1.264911064067352
+
+    def rate(t: float, y: np.ndarray) -> np.ndarray:
+        V, mean, P = a * t, y[:4], y[4:].reshape(4, 4)
+        m, p = mean[1], max(P[1, 1], 0.0)
+        s = np.sqrt(p) + 1e-150
+        density = np.exp(-0.5 * (m / s) ** 2) / np.sqrt(2 * np.pi)
+        below = 0.5 * (1 + special.erf(m / s / np.sqrt(2)))
+        F = (m**2 + p) * (below - r * (1 - below)) + (1 + r) * m * s * density
+        gain = 2 * m * (below - r * (1 - below)) + 2 * (1 + r) * s * density
+        A = np.array(
+            [
+                [0, 1, 0, 0],
+                [-(wn**2), -2 * zeta * wn, V**2 * c0, V**2 * c1 - a],
+                [0, 0, 0, V],
+                [0, 0, -V * c0, -V * c1],
+            ]
+        )
+        N = A - gamma * gain * np.outer([0, 1, 0, 0], [0, 1, 0, 0])
+        b = np.array([0, -V * k, 0, k])
+        slope = A @ mean - np.array([0, gamma * F, 0, 0])
+        return np.concatenate([slope, (N @ P + P @ N.T + V * np.outer(b, b)).ravel()])
+
+    start = np.zeros((5, 4))
+    start[3, 2], start[4, 3] = 1 / 1.1, c0 / 1.1
+    return Script(rate, start.ravel(), 4)
 
 
 def car(n: int) -> Script:
