@@ -119,7 +119,10 @@ def test_a_length_does_not_turn_with_the_axes():
 def test_without_variance_it_is_the_function_and_derivatives_are_finite(text):
     both = with_jacobian(function_of(text))
     x, y, h = 0.7, -0.2, 1e-4
-    f = lambda x, y: float(evaluate(parse(text), {X: x, Y: y}))  # noqa: E731
+
+    def f(x: float, y: float) -> float:
+        return float(evaluate(parse(text), {X: x, Y: y}))
+
     F, J = (np.array(r) for r in both([x, y, 0, 0, 0]))
     slopes = [(f(x + h * a, y + h * b) - f(x - h * a, y - h * b)) / (2 * h) for a, b in ((1, 0), (0, 1))]
     bends = [(f(x + h, y) - 2 * f(x, y) + f(x - h, y)) / (2 * h * h), (f(x, y + h) - 2 * f(x, y) + f(x, y - h)) / (2 * h * h)]

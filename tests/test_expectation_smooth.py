@@ -85,7 +85,10 @@ def test_gains_are_slopes_and_the_heat_equation_holds(text):
     _, gain, J = (np.array(r) for r in both(mean, cov))
     assert J[0, :2] == pytest.approx(gain.ravel(), rel=1e-7, abs=1e-8)  # other numbers of nodes
     for k, e in enumerate(np.eye(5)):
-        at = lambda n, e=e: stacked(both(mean + n * h * e[:2], cov + n * h * e[2:])[:2])  # noqa: E731
+
+        def at(n: int, e: np.ndarray = e) -> np.ndarray:
+            return stacked(both(mean + n * h * e[:2], cov + n * h * e[2:])[:2])
+
         slope = (8 * (at(1) - at(-1)) - (at(2) - at(-2))) / (12 * h)  # a step so long that other numbers of nodes do not show
         assert J[:, k] == pytest.approx(slope, rel=1e-5, abs=1e-6)
     # dF/dS11 = (1/2) d2F/dm1^2, of F and of the gains
@@ -117,7 +120,10 @@ def test_a_kink_may_stand_at_a_parameter():
     df = describing_function((X, Y), parse("max(x, k)*tanh(x*y)"), values={k: 0.1})
     function, q = element_function(df, (k,)), ca.SX.sym("q")
     slopes = ca.Function("slopes", [q], [ca.jacobian(ca.vertcat(*function([0.3, -0.2], [0.8, 0.3, 1.1], q)), q)])
-    at = lambda n: stacked(function([0.3, -0.2], [0.8, 0.3, 1.1], 0.1 + n * 1e-2))  # noqa: E731
+
+    def at(n: int) -> np.ndarray:
+        return stacked(function([0.3, -0.2], [0.8, 0.3, 1.1], 0.1 + n * 1e-2))
+
     assert np.array(slopes(0.1)).ravel() == pytest.approx((8 * (at(1) - at(-1)) - (at(2) - at(-2))) / 12e-2, rel=1e-5, abs=1e-6)
 
 

@@ -56,7 +56,7 @@ def homogeneous(arguments: tuple[sp.Symbol, ...], used: tuple[int, ...], body: s
     for outer, inner in (used, used[::-1]):
         try:
             candidate = _cut(outer, inner, (arguments[outer], arguments[inner]), body, int(degree))
-        except (LinearisationError, NotImplementedError):
+        except (LinearisationError, NotImplementedError):  # angles that cannot be solved for: the rules for any function serve
             continue
         found += [] if candidate is None else [candidate]
     for candidate in sorted(found, key=lambda f: f.nodes):

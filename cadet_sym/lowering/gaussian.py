@@ -19,7 +19,7 @@ from cadet_sym.lowering.algebra import CasadiAlgebra
 from cadet_sym.lowering.complex import Complex, complex_exp, select
 from cadet_sym.lowering.errorfunction import error_function_moment
 from cadet_sym.lowering.expressions import Lowering
-from cadet_sym.lowering.special import clipped, density, hermite, magnitude, mills_moments, positive_part
+from cadet_sym.lowering.special import clipped, density, density_sum, hermite, magnitude, mills_moments, positive_part
 from cadet_sym.lowering.tables import NARROW, NARROW_ORDER, table_moment
 
 # Added to the variance inside: far below what the variance of any state is resolved to, so that F and the gain are those
@@ -103,8 +103,8 @@ class Gaussian:
         value = ca.SX(0)
         for coefficient in reversed(piece.coefficients):
             value = value * x + self.value(coefficient)
-        u = clipped((x + self.value((piece.lower + piece.upper) / 2) - self.m) / self.s)
-        return width * ca.dot(weights, value * hermite(u, order) * density(u)) / self.s ** (order + 1)
+        middle = self.value((piece.lower + piece.upper) / 2)
+        return width * density_sum(weights * value, x + middle, self.m, self.s, order)
 
     def _by_derivative(self, function: Univariate, order: int) -> ca.SX:
         """Beyond the gain, a function with a singular point is differentiated by CasADi."""

@@ -62,6 +62,12 @@ def hermite(u: ca.SX, order: int) -> ca.SX:
     return value
 
 
+def density_sum(weights: ca.SX | ca.DM, x: ca.SX | ca.DM, mean: ca.SX, s: ca.SX, order: int) -> ca.SX:
+    """d^order/dm^order of sum_i weights_i phi((x_i - m)/s)/s: an integral over a stretch by the nodes of a rule."""
+    u = clipped((x - mean) / s)
+    return ca.dot(weights, hermite(u, order) * density(u)) / s ** (order + 1)
+
+
 def clipped(u: ca.SX) -> ca.SX:
     """The argument of a density, kept where the density is not zero."""
     return ca.if_else(u > FAR, FAR, ca.if_else(u < -FAR, -FAR, u))

@@ -11,13 +11,13 @@ from cadet_sym.expectation.quadrature import legendre
 from cadet_sym.expectation.tables import Table
 from cadet_sym.expectation.univariate import STEEP
 from cadet_sym.lowering.complex import Complex
-from cadet_sym.lowering.special import clipped, density, hermite, magnitude, mills_moments
-
-NARROW, NARROW_ORDER = 2.0, 14
-"""Standard deviations over which a polynomial times the density is integrated to the last digit by so many nodes."""
+from cadet_sym.lowering.special import clipped, density, density_sum, hermite, magnitude, mills_moments
 
 if TYPE_CHECKING:
     from cadet_sym.lowering.gaussian import Gaussian
+
+NARROW, NARROW_ORDER = 2.0, 14
+"""Standard deviations over which a polynomial times the density is integrated to the last digit by so many nodes."""
 
 
 def table_moment(table: Table, gaussian: Gaussian, order: int) -> ca.SX:
@@ -47,9 +47,8 @@ def _between(table: Table, gaussian: Gaussian, order: int) -> ca.SX:
     values = np.zeros_like(x)
     for column in reversed(rows.T):
         values = values * (x - centres[:, None]) + column[:, None]
-    u = clipped((ca.DM(x.ravel()) - mean) / s)
-    weighted = (values * weights * widths[:, None]).ravel()
-    return ca.dot(ca.DM(weighted), hermite(u, order) * density(u)) / s ** (order + 1)
+    weighted = values * weights * widths[:, None]
+    return density_sum(ca.DM(weighted.ravel()), ca.DM(x.ravel()), mean, s, order)
 
 
 def moments_of(table: Table, gaussian: Gaussian) -> tuple[ca.SX, ca.SX, ca.SX]:
