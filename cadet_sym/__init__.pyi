@@ -44,7 +44,7 @@ from .report import Comparison as Comparison
 from .report import compare as compare
 from .results import MomentHistory as MomentHistory
 from .results import PeriodicMoments as PeriodicMoments
-from .results import StationaryMoments as StationaryMoments
 from .simulation import Ensemble as Ensemble
+from .solutions import StationaryMoments as StationaryMoments
 from .sweeps import Sweep as Sweep
 from .sweeps import sweep as sweep

@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-import json
 import math
 import sys
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, redirect_stdout
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from threading import Thread
-from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 
 import cadet_sym as cs
 from cadet_sym.arguments import one_set_each, parse_paths, parse_range, parse_setting, parse_sweep, parse_times
+from cadet_sym.console import Stopwatch, computing, fail, print_json, print_written, show_warning, with_bar
 from cadet_sym.errors import CadetError, ModelError, SolverError
 from cadet_sym.files import DATA_SUFFIXES, FIGURE_SUFFIXES, check_target
-from cadet_sym.results import PeriodicMoments, StationaryMoments, StationarySolutions, StationarySweep
+from cadet_sym.results import PeriodicMoments
+from cadet_sym.solutions import StationaryMoments, StationarySolutions, StationarySweep, search_along
 from cadet_sym.version import VERSION
 
 if TYPE_CHECKING:
@@ -87,7 +85,7 @@ def moments(
         raise ModelError("--times gives all output times; leave out --duration and --points, or --times")
     if duration is not None and not 0.0 < duration < math.inf:
         raise ModelError(f"--duration {duration:g}: expected a length of time above zero")
-    with _computing():
+    with computing():
         Thread(target=_prepare).start()  # while the model is read and its equations are written
         compiled = _compile(model, settings, jit=jit)
         if period is not None:
@@ -101,14 +99,14 @@ def moments(
 
             save_figure(moments_figure(history), plot)
     if as_json:
-        _print_json(history.to_dict())
+        print_json(history.to_dict())
     else:
         from cadet_sym.report.terminal import print_history
 
         print_history(history)
         if isinstance(history, PeriodicMoments):
             print(str(history).splitlines()[-1])
-        _print_written(save, plot)
+        print_written(save, plot)
 
 
 @app.command()
@@ -138,22 +136,26 @@ def stationary(
         if sweep or every:
             raise ModelError("--branches finds all solutions over a whole range; leave out --sweep and --all")
         parameter, limits = parse_range(branches, "--branches")
-        with _computing():
+        with computing():
             curves = cs.branches(_compile(model, settings), parameter, limits, speed=speed, at=at)
             if save:
                 curves.save(save)
             if plot:
                 curves.plot(plot)
         if as_json:
-            _print_json(curves.to_dict())
+            print_json(curves.to_dict())
         else:
             print(curves)
-            _print_written(save, plot)
+            print_written(save, plot)
         return
-    with _computing():
+    with computing():
         compiled = _compile(model, settings)
         search = partial(_solutions, compiled, speed=speed, at=at, every=every)
-        found = _sweep(search, *parse_sweep(sweep)) if sweep else search()
+        if sweep:
+            parameter, values = parse_sweep(sweep)
+            found = search_along(search, parameter, values, with_bar(values.tolist(), "sweep"))
+        else:
+            found = search()
         if save:
             found.save(save)
         if plot and isinstance(found, StationarySweep):
@@ -162,7 +164,7 @@ def stationary(
             unit = compiled.model.parameters[found.parameter].unit
             save_figure(sweep_figure(found, unit=unit), plot)
     if as_json:
-        _print_json(found.to_dict())
+        print_json(found.to_dict())
     else:
         from cadet_sym.report.terminal import print_stationary, print_sweep
 
@@ -170,7 +172,7 @@ def stationary(
             print_sweep(found)
         else:
             print_stationary(found)
-        _print_written(save, plot)
+        print_written(save, plot)
 
 
 @app.command()
@@ -197,7 +199,7 @@ def optimise(
     if plot and not against:
         raise ModelError("--plot draws a trade-off; add --against EXPRESSION=LO:HI:N")
     ranges = dict(parse_range(text, "--over") for text in over)
-    with _computing():
+    with computing():
         task: dict[str, Any] = {"minimise": minimise, "over": ranges, "subject_to": subject_to or ()}
         task |= {"starts": starts, "speed": speed, "at": at}
         compiled = _compile(model, settings)
@@ -211,10 +213,10 @@ def optimise(
         if save:
             found.save(save)
     if as_json:
-        _print_json(found.to_dict())
+        print_json(found.to_dict())
     else:
         print(found)
-        _print_written(save, plot)
+        print_written(save, plot)
 
 
 @app.command()
@@ -230,17 +232,15 @@ def validate(
     target: Annotated[
         float | None, typer.Option(metavar="R", help="With --paths auto: relative half-width of limits, 0.01.")
     ] = None,
-    time_limit: Annotated[
-        float | None, typer.Option(metavar="S", help="With --paths auto: seconds there are for it.")
-    ] = None,
+    time_limit: Annotated[float | None, typer.Option(metavar="S", help="With --paths auto: seconds there are for it.")] = None,
     as_json: Json = False,
     plot: Plot = None,
 ) -> None:
     """Set the moments against a Monte Carlo simulation of the original nonlinear model."""
     _check_targets((plot, FIGURE_SUFFIXES))
     count = parse_paths(paths, target, time_limit)
-    watch = _Stopwatch()
-    with _computing():
+    watch = Stopwatch()
+    with computing():
         declared = _load(model, settings)
         compiled = cs.compile(declared)
         watch.lap("compiling")
@@ -262,12 +262,12 @@ def validate(
             comparison.plot(plot)
             watch.lap("figure")
     if as_json:
-        _print_json(comparison.to_dict())
+        print_json(comparison.to_dict())
     else:
         from cadet_sym.report.terminal import print_comparison
 
         print_comparison(comparison, watch.laps)
-        _print_written(plot)
+        print_written(plot)
     if short is not None:  # what was obtained is told; the wish was not met
         raise short
 
@@ -286,12 +286,12 @@ def show(
     from cadet_sym.lowering.measured import measured
     from cadet_sym.report.listing import Listing
 
-    with _computing():
+    with computing():
         listing = Listing(measured(cs.moment_equations(cs.linearise(cs.augment(_load(model, settings))))), checked=check)
         content = listing.to_dict() if as_json else None
         text = listing.latex() if latex else "\n".join(listing.lines())
     if content is not None:
-        _print_json(content)
+        print_json(content)
     else:
         print(text)
 
@@ -309,7 +309,7 @@ def export(
     matlab: Annotated[bool, typer.Option("--matlab", help="Add the equations as a MATLAB function.")] = False,
 ) -> None:
     """Write the compiled equations as a C library."""
-    with _computing():
+    with computing():
         compiled = _compile(model, settings)
         written = compiled.export_c(to, prefix=prefix or model.stem, force=force, fmu=fmu, matlab=matlab)
     print(written)
@@ -335,23 +335,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in words
     words = ["--debug"] * debug + one_set_each(word for word in words if word != "--debug")
-    warnings.showwarning = _show_warning
+    warnings.showwarning = show_warning
     try:
         return app(words, prog_name="cadet-sym", standalone_mode=False) or 0
     except typer.Abort:
-        return _fail("stopped", 130)
+        return fail("stopped", 130)
     except CadetError as error:
         if debug:
             raise
-        return _fail("\n".join([str(error), *getattr(error, "__notes__", ())]), error.exit_status)
+        return fail("\n".join([str(error), *getattr(error, "__notes__", ())]), error.exit_status)
     except typer.TyperException as error:  # a wrong option
         message = error.format_message().rstrip(".")
-        return _fail(f"{message}; see `cadet-sym --help`", 2) if message else 2
+        return fail(f"{message}; see `cadet-sym --help`", 2) if message else 2
     except Exception as error:
         if debug:
             raise
         kind = type(error).__name__
-        return _fail(f"unexpected {kind}: {error}; a fault of the program, not of the model; run again with --debug", 1)
+        return fail(f"unexpected {kind}: {error}; a fault of the program, not of the model; run again with --debug", 1)
 
 
 def _prepare() -> None:
@@ -387,75 +387,8 @@ def _solutions(
     return found if isinstance(found, StationarySolutions) else StationarySolutions((found,))
 
 
-def _sweep(search: Callable[..., StationarySolutions], parameter: str, values: np.ndarray) -> StationarySweep:
-    """Search at every value; a value without a solution is reported and leaves an empty place."""
-    rows, failures = [], {}
-    last = None  # where the next search begins
-    for value in _with_bar(values):
-        try:
-            rows.append(tuple(search(parameters={parameter: float(value)}, start=last)))
-            last = rows[-1][0]
-        except SolverError as error:
-            failures[float(value)] = str(error)
-            rows.append(())
-    if not any(rows):
-        raise SolverError(f"no stationary solution at any value of {parameter}: {failures[float(values[0])]}")
-    for value, reason in failures.items():
-        warnings.warn(f"{parameter} = {value:g}: {reason}", stacklevel=2)
-    model = next(row[0].model for row in rows if row)
-    return StationarySweep(model, parameter, values, tuple(rows), failures)
-
-
-def _with_bar(values: np.ndarray) -> Iterable[float]:
-    """The values, with a bar on standard error where that is a terminal."""
-    if not sys.stderr.isatty():
-        return values.tolist()
-    from rich.console import Console
-    from rich.progress import track
-
-    return track(values.tolist(), description="sweep", console=Console(stderr=True))
-
-
-class _Stopwatch:
-    """The seconds that each part of a command took."""
-
-    def __init__(self) -> None:
-        self.laps: dict[str, float] = {}
-        self._last = perf_counter()
-
-    def lap(self, part: str) -> None:
-        now = perf_counter()
-        self.laps[part], self._last = now - self._last, now
-
-
-def _print_written(*files: Path | None) -> None:
-    for file in files:
-        if file is not None:
-            print(f"Wrote {file}")
-
-
 def _check_targets(*targets: tuple[Path | None, Sequence[str]]) -> None:
     """Refuse a file that cannot be written before anything is computed."""
     for target, suffixes in targets:
         if target is not None:
             check_target(target, suffixes)
-
-
-@contextmanager
-def _computing() -> Iterator[None]:
-    """Keep standard output for the result: whatever a library prints goes to standard error."""
-    with redirect_stdout(sys.stderr):
-        yield
-
-
-def _print_json(content: Mapping[str, Any]) -> None:
-    print(json.dumps(content, allow_nan=False))
-
-
-def _fail(message: str, status: int) -> int:
-    print(f"cadet-sym: {message}", file=sys.stderr)
-    return status
-
-
-def _show_warning(message: Warning | str, category: type[Warning], *where: object, **more: object) -> None:
-    print(f"cadet-sym: warning: {message}", file=sys.stderr)

@@ -19,7 +19,8 @@ from cadet_sym.lowering.facts import Declaration
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.memory import Memory
 from cadet_sym.packing import Packing
-from cadet_sym.results import MomentHistory, PeriodicMoments, Provenance, StationaryMoments, StationarySolutions
+from cadet_sym.results import MomentHistory, PeriodicMoments, Provenance
+from cadet_sym.solutions import StationaryMoments, StationarySolutions
 from cadet_sym.solve.breakpoints import find_breakpoints
 from cadet_sym.solve.evaluate import outputs_over, results_over
 from cadet_sym.solve.senseless import refuse_senseless

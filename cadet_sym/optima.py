@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from cadet_sym.files import save_as
-from cadet_sym.results import StationaryMoments
+from cadet_sym.solutions import StationaryMoments
 from cadet_sym.tables import aligned, plain
 
 __all__ = ["ConstraintState", "Optimum", "TradeOff"]

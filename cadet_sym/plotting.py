@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cadet_sym.files import FIGURE_SUFFIXES, whole_file
-from cadet_sym.results import MomentHistory, StationarySweep
+from cadet_sym.results import MomentHistory
+from cadet_sym.solutions import StationarySweep
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -14,8 +14,9 @@ from cadet_sym.labelled import Labelled
 from cadet_sym.plotting import moments_figure, sweep_figure
 from cadet_sym.report import Comparison, compare
 from cadet_sym.report.comparison import rounded
-from cadet_sym.results import MomentHistory, Provenance, StationaryMoments, StationarySweep
+from cadet_sym.results import MomentHistory, Provenance
 from cadet_sym.simulation.ensemble import InputShape
+from cadet_sym.solutions import StationaryMoments, StationarySweep
 
 HOW = Provenance("CVODES", 1e-8)
 TIME = np.array([0.0, 1.0, 2.0])

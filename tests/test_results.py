@@ -9,13 +9,8 @@ import numpy as np
 import pytest
 
 from cadet_sym.errors import ExportError, ModelError
-from cadet_sym.results import (
-    MomentHistory,
-    Provenance,
-    StationaryMoments,
-    StationarySolutions,
-    StationarySweep,
-)
+from cadet_sym.results import MomentHistory, Provenance
+from cadet_sym.solutions import StationaryMoments, StationarySolutions, StationarySweep
 
 HOW = Provenance(
     "CVODES", 1e-8, statistics={"seconds": 0.25}, parameters={"r": 0.1}, model_hash="abc", version="0.1.0"

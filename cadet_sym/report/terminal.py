@@ -13,7 +13,8 @@ from rich.console import Console
 from rich.table import Table
 
 from cadet_sym.report.comparison import Comparison, rounded
-from cadet_sym.results import MomentHistory, StationaryMoments, StationarySweep, provenance_line
+from cadet_sym.results import MomentHistory, provenance_line
+from cadet_sym.solutions import StationaryMoments, StationarySweep
 
 if TYPE_CHECKING:
     from cadet_sym.simulation import Ensemble
