@@ -8,7 +8,7 @@ one), equal ones shared between equations. See Harrison & Hammond (1986), sectio
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -20,34 +20,10 @@ from cadet_sym.errors import LinearisationError
 from cadet_sym.expectation import DescribingFunction, describing_function
 from cadet_sym.language.element import Element
 from cadet_sym.language.expression import ElementCall, symbol, unparse
-from cadet_sym.language.numeric import evaluate
 from cadet_sym.language.vocabulary import Lookup
+from cadet_sym.linear_forms import MARK, Basis, LinearForm, added, local_arguments, scaled
 
-__all__ = ["LinearForm", "Nonlinearity", "OutputForm", "QuasiLinearSystem", "linearise", "readable"]
-
-MARK = "'"  # of local arguments: no name of the user has it
-
-
-@dataclass(frozen=True)
-class LinearForm:
-    """One argument of a nonlinearity: z = sum_i coefficient_i x_i + constant."""
-
-    coefficients: tuple[tuple[int, sp.Expr], ...]  # (index of the state, coefficient), by index
-    constant: sp.Expr = sp.S.Zero
-
-    def of(self, states: Sequence[sp.Expr]) -> sp.Expr:
-        """The form written in the states."""
-        return sp.Add(*(c * states[i] for i, c in self.coefficients), self.constant)
-
-    @property
-    def operations(self) -> int:
-        """How much its coefficients take to compute."""
-        return sum(int(sp.count_ops(c)) + len(c.free_symbols) for _, c in self.coefficients)
-
-    def scale(self, values: Mapping[sp.Symbol, float]) -> float:
-        """The largest of its coefficients that are known: what one unit of a state is of the argument."""
-        known = [abs(float(evaluate(c, values))) for _, c in self.coefficients if c.free_symbols <= values.keys()]
-        return max(known, default=1.0)
+__all__ = ["Nonlinearity", "OutputForm", "QuasiLinearSystem", "linearise", "readable"]
 
 
 @dataclass(frozen=True)
@@ -144,9 +120,7 @@ def _output_form(splitter: _Splitter, expression: sp.Expr, n: int) -> tuple[Outp
         row[j] = value
     keys = tuple(parts.terms)
     nonlinearities = tuple(splitter.nonlinearity(key, k) for k, key in enumerate(keys))
-    return OutputForm(
-        sp.ImmutableMatrix(row), parts.constant, tuple(parts.terms.values()), nonlinearities
-    ), keys
+    return OutputForm(sp.ImmutableMatrix(row), parts.constant, tuple(parts.terms.values()), nonlinearities), keys
 
 
 @dataclass(frozen=True)
@@ -203,7 +177,7 @@ class _Splitter:
 
     def nonlinearity(self, key: _Key, number: int) -> Nonlinearity:
         name = key.name or f"f{number + 1}"
-        arguments = _arguments(len(key.forms))
+        arguments = local_arguments(len(key.forms))
         try:
             scale = max(form.scale(self.values) for form in key.forms)
             found = describing_function(arguments, key.body, name=name, values=self.values, scale=scale)
@@ -219,7 +193,7 @@ class _Splitter:
     def written_out(self, key: _Key) -> sp.Expr:
         """The term in the states again."""
         forms = (form.of(self.states) for form in key.forms)
-        return key.body.xreplace(dict(zip(_arguments(len(key.forms)), forms, strict=True)))
+        return key.body.xreplace(dict(zip(local_arguments(len(key.forms)), forms, strict=True)))
 
     def depends(self, expression: sp.Basic) -> bool:
         return not self.index.keys().isdisjoint(expression.free_symbols)
@@ -284,7 +258,7 @@ class _Splitter:
         """Write a term in its own arguments, take out what is linear, and share what is left."""
         name = str(term.args[0]) if isinstance(term, ElementCall) else ""
         basis, local = self._local(self._inline(term))
-        arguments = _arguments(len(basis))
+        arguments = local_arguments(len(basis))
         pieces = sp.Add.make_args(_expanded(local, arguments))
         affine = [piece for piece in pieces if piece.as_independent(*arguments, as_Add=False)[1] in arguments]
         constant = [piece for piece in pieces if not piece.has(*arguments)]
@@ -297,14 +271,14 @@ class _Splitter:
         for piece in [sp.Add(*curved)] if name and curved else curved:
             free, body = piece.as_independent(*arguments, as_Add=False)
             used = [i for i, z in enumerate(arguments) if z in body.free_symbols]
-            own = dict(zip((arguments[i] for i in used), _arguments(len(used)), strict=True))
+            own = dict(zip((arguments[i] for i in used), local_arguments(len(used)), strict=True))
             parts.add_term(_Key(body.xreplace(own), tuple(basis[i] for i in used), name), factor * free)
 
     def _local(self, term: sp.Expr) -> tuple[tuple[LinearForm, ...], sp.Expr]:
         """The term as a function of the fewest linear forms: (forms, function of the local arguments)."""
         found: dict[LinearForm, bool] = {}
         self._collect(term, inside=False, found=found)
-        basis = _Basis()
+        basis = Basis()
         for form in sorted(found, key=lambda f: (not found[f], f.operations)):  # inside nonlinear functions, and simple, first
             basis.add(form)
         return tuple(basis.forms), self._rewrite(term, basis)
@@ -329,7 +303,7 @@ class _Splitter:
             return (sp.expand(node.lhs - node.rhs),)
         return node.args
 
-    def _rewrite(self, node: sp.Basic, basis: _Basis) -> sp.Expr:
+    def _rewrite(self, node: sp.Basic, basis: Basis) -> sp.Expr:
         if not self.depends(node):
             return node
         form = self.affine(node)
@@ -360,18 +334,12 @@ class _Splitter:
         if not self.depends(expression):
             return LinearForm((), expression)
         if isinstance(expression, sp.Add):
-            return _sum(self.affine(a) for a in expression.args)
+            return added(self.affine(a) for a in expression.args)
         if isinstance(expression, sp.Mul):
             free, rest = self._separate(expression)
             form = None if isinstance(rest, sp.Mul) else self.affine(rest)
-            return None if form is None else _scaled(form, free)
+            return None if form is None else scaled(form, free)
         return None
-
-
-def _arguments(count: int) -> tuple[sp.Symbol, ...]:
-    """The local arguments of a nonlinearity, z or z1, z2, .. with a mark that no name of the user can have."""
-    names = ["z"] if count == 1 else [f"z{i + 1}" for i in range(count)]
-    return tuple(sp.Symbol(name + MARK, real=True) for name in names)
 
 
 def readable(expression: sp.Basic) -> Any:
@@ -394,69 +362,3 @@ def _expanded(local: sp.Expr, arguments: tuple[sp.Symbol, ...]) -> sp.Expr:
     if local.is_polynomial(*arguments):
         return sp.expand(local)
     return sp.expand_mul(local, deep=False)
-
-
-def _sum(forms: Iterable[LinearForm | None]) -> LinearForm | None:
-    total: dict[int, sp.Expr] = {}
-    constant = sp.S.Zero
-    for form in forms:
-        if form is None:
-            return None
-        for i, value in form.coefficients:
-            total[i] = total.get(i, sp.S.Zero) + value
-        constant += form.constant
-    return LinearForm(tuple(sorted((i, v) for i, v in total.items() if v != 0)), constant)
-
-
-def _scaled(form: LinearForm, factor: sp.Expr) -> LinearForm:
-    return LinearForm(tuple((i, factor * v) for i, v in form.coefficients), factor * form.constant)
-
-
-class _Basis:
-    """Linear forms found independent so far; expresses any other in them (Gaussian elimination, exact)."""
-
-    def __init__(self) -> None:
-        self.forms: list[LinearForm] = []
-        self.rows: list[tuple[int, dict[int, sp.Expr], dict[int, sp.Expr]]] = []  # pivot, row, combination
-
-    def add(self, form: LinearForm) -> None:
-        row, combination = self._reduce(form)
-        if not row:
-            return
-        number = len(self.forms)
-        self.forms.append(LinearForm(form.coefficients, form.constant))
-        combination = {k: -v for k, v in combination.items()}
-        combination[number] = sp.S.One
-        pivot = next(iter(row))
-        scale = row[pivot]
-        self.rows.append(
-            (
-                pivot,
-                {i: sp.cancel(v / scale) for i, v in row.items()},
-                {k: sp.cancel(v / scale) for k, v in combination.items()},
-            )
-        )
-
-    def express(self, form: LinearForm) -> sp.Expr:
-        """The form as a combination of the basis' arguments, with the constant that is left."""
-        row, combination = self._reduce(form)
-        assert not row, "every form was offered to the basis first"
-        arguments = _arguments(len(self.forms))
-        constant = form.constant - sp.Add(*(v * self.forms[k].constant for k, v in combination.items()))
-        return sp.Add(*(v * arguments[k] for k, v in combination.items())) + sp.expand(constant)
-
-    def _reduce(self, form: LinearForm) -> tuple[dict[int, sp.Expr], dict[int, sp.Expr]]:
-        row = dict(form.coefficients)
-        combination: dict[int, sp.Expr] = {}
-        for pivot, known, made_of in self.rows:
-            factor = row.get(pivot)
-            if factor is None:
-                continue
-            for i, value in known.items():
-                left = sp.cancel(row.get(i, sp.S.Zero) - factor * value)
-                row[i] = left
-                if left == 0:
-                    del row[i]
-            for k, value in made_of.items():
-                combination[k] = sp.cancel(combination.get(k, sp.S.Zero) + factor * value)
-        return row, {k: v for k, v in combination.items() if v != 0}

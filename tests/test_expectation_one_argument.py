@@ -14,8 +14,9 @@ from sympy.core.symbol import Str
 import cadet_sym as cs
 from cadet_sym.errors import LinearisationError
 from cadet_sym.expectation import describing_function
+from cadet_sym.expectation.cells import Cell
 from cadet_sym.expectation.conditional import Product
-from cadet_sym.expectation.pieces import Cell, Splitter
+from cadet_sym.expectation.pieces import Splitter
 from cadet_sym.expectation.quadrature import ExpectationWarning
 from cadet_sym.language.expression import Lookup, parse, symbol
 from cadet_sym.language.numeric import evaluate

@@ -11,8 +11,10 @@ import numpy as np
 import sympy as sp
 
 from cadet_sym.errors import LinearisationError, ModelError
+from cadet_sym.expectation.algebra import NumpyAlgebra
+from cadet_sym.expectation.panels import REACH, lay_out
 from cadet_sym.expectation.pieces import affine
-from cadet_sym.expectation.quadrature import REACH, ExpectationWarning, Integral, NumpyAlgebra, Rule, Wish, lay_out
+from cadet_sym.expectation.quadrature import ExpectationWarning, Integral, Rule, Wish
 from cadet_sym.language.numeric import evaluate
 
 WARNED = 1e-8

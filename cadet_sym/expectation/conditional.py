@@ -16,9 +16,10 @@ import sympy as sp
 from sympy.logic.boolalg import Boolean
 
 from cadet_sym.errors import LinearisationError
+from cadet_sym.expectation.cells import Cell
 from cadet_sym.expectation.homogeneous import homogeneous
 from cadet_sym.expectation.nested import Nested, nested
-from cadet_sym.expectation.pieces import Cell, Splitter, has_kinks
+from cadet_sym.expectation.pieces import Splitter, has_kinks
 from cadet_sym.expectation.planar import Planar
 from cadet_sym.expectation.polar import Homogeneous
 from cadet_sym.expectation.quadrature import Wish

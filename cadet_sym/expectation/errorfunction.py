@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from cadet_sym.expectation.pieces import Cell, affine
+from cadet_sym.expectation.cells import Cell
+from cadet_sym.expectation.pieces import affine
 
 
 @dataclass(frozen=True)

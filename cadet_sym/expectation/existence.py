@@ -8,7 +8,8 @@ import numpy as np
 import sympy as sp
 
 from cadet_sym.errors import LinearisationError, ModelError
-from cadet_sym.expectation.pieces import Cell, Splitter, factored
+from cadet_sym.expectation.cells import Cell
+from cadet_sym.expectation.pieces import Splitter, factored
 from cadet_sym.language.numeric import evaluate
 
 SCANNED = 50.0  # how far from zero an expression is looked at for zeros that cannot be written down

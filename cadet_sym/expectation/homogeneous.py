@@ -12,12 +12,14 @@ from sympy.core.relational import Relational
 from sympy.logic.boolalg import Boolean
 
 from cadet_sym.errors import LinearisationError
+from cadet_sym.expectation.algebra import NumpyAlgebra
+from cadet_sym.expectation.cells import Cell
 from cadet_sym.expectation.closed_form import normal
 from cadet_sym.expectation.existence import require_expectation
-from cadet_sym.expectation.pieces import Cell, Splitter
+from cadet_sym.expectation.pieces import Splitter
 from cadet_sym.expectation.planar import Moments
 from cadet_sym.expectation.polar import FIXED, NARROW, NEAR, Arc, Homogeneous, Layout, Node, Ray
-from cadet_sym.expectation.quadrature import NumpyAlgebra, Rule, Wish
+from cadet_sym.expectation.quadrature import Rule, Wish
 from cadet_sym.expectation.steep import singular_at, steep_places
 from cadet_sym.language.numeric import evaluate
 

@@ -13,10 +13,11 @@ import sympy as sp
 from sympy.core.relational import Relational
 
 from cadet_sym.errors import LinearisationError
+from cadet_sym.expectation.cells import Cell, Partition
 from cadet_sym.expectation.closed_form import normal
 from cadet_sym.expectation.crossings import CURVED_ERROR, Crossing, crossings_of
 from cadet_sym.expectation.existence import require_expectation
-from cadet_sym.expectation.pieces import TINY, Cell, Partition, Splitter, affine, factored
+from cadet_sym.expectation.pieces import TINY, Splitter, affine, factored
 from cadet_sym.expectation.quadrature import PLAIN_ERROR, PLAIN_RULE, Integral, Rule, Wish, stretches
 from cadet_sym.expectation.steep import Steep, steep_places
 from cadet_sym.expectation.tables import written_out

@@ -25,15 +25,13 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, reduce
 from math import ceil, log
-from typing import Any
 
 import numpy as np
 import sympy as sp
 
-from cadet_sym.expectation.quadrature import Algebra, legendre
+from cadet_sym.expectation.algebra import Algebra, Number
+from cadet_sym.expectation.panels import legendre
 from cadet_sym.expectation.steep import Steep
-
-Number = Any  # float, NumPy array or CasADi SX
 
 REACH = 7.0  # of (u, v) from the mean; 2e-11 of the probability lies beyond
 SHORTEST = 1.0  # half the inner line however far out u is

@@ -16,16 +16,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import sympy as sp
 
+from cadet_sym.expectation.algebra import Algebra, Number
+from cadet_sym.expectation.panels import Nodes, Panel, finished, panels
 from cadet_sym.expectation.planar import Moments
-from cadet_sym.expectation.quadrature import Algebra, Integral, Nodes, Panel, Rule, finished, panels
+from cadet_sym.expectation.quadrature import Integral, Rule
 from cadet_sym.expectation.steep import Steep
 
-Number = Any  # float, NumPy array or CasADi SX
 Evaluate = Callable[[Sequence[sp.Expr], Mapping[sp.Symbol, Number]], list[Number]]
 
 REACH = 8.0  # standard deviations across the direction of the mean; 1e-15 of the probability lies beyond

@@ -11,10 +11,12 @@ import numpy as np
 import sympy as sp
 
 from cadet_sym.errors import LinearisationError
+from cadet_sym.expectation.algebra import NumpyAlgebra
+from cadet_sym.expectation.cells import Cell
 from cadet_sym.expectation.closed_form import decompose, normal
-from cadet_sym.expectation.pieces import Cell, Splitter, has_kinks
+from cadet_sym.expectation.pieces import Splitter, has_kinks
 from cadet_sym.expectation.planar import INNER, OUTER, REACH, Layout, Moments, Number, Planar, density
-from cadet_sym.expectation.quadrature import NumpyAlgebra, Wish
+from cadet_sym.expectation.quadrature import Wish
 from cadet_sym.expectation.steep import singular_at, steep_places
 from cadet_sym.language.numeric import evaluate
 from cadet_sym.language.vocabulary import Lookup

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import sympy as sp
 
-from cadet_sym.expectation.pieces import Cell, affine, factored
+from cadet_sym.expectation.cells import Cell
+from cadet_sym.expectation.pieces import affine, factored
 
 MAX_STEEP = 4
 

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 import sympy as sp
 
-from cadet_sym.expectation.pieces import Cell, affine
+from cadet_sym.expectation.cells import Cell
+from cadet_sym.expectation.pieces import affine
 
 
 def tamed(body: sp.Expr, arguments: tuple[sp.Symbol, ...]) -> sp.Expr:

@@ -10,6 +10,7 @@ from functools import cache
 import sympy as sp
 from sympy.logic.boolalg import Boolean
 
+from cadet_sym.expectation.cells import Cell
 from cadet_sym.expectation.closed_form import (
     PLAIN,
     Coefficients,
@@ -25,7 +26,7 @@ from cadet_sym.expectation.closed_form import (
 )
 from cadet_sym.expectation.errorfunction import ErrorFunction, error_functions_in
 from cadet_sym.expectation.existence import require_expectation
-from cadet_sym.expectation.pieces import Cell, Splitter
+from cadet_sym.expectation.pieces import Splitter
 from cadet_sym.expectation.quadrature import Integral, Wish, integrals
 from cadet_sym.expectation.steep import singular_at
 from cadet_sym.expectation.tables import Table, tables_in

@@ -7,7 +7,7 @@ from functools import cache
 
 import casadi as ca
 
-from cadet_sym.expectation.quadrature import legendre
+from cadet_sym.expectation.panels import legendre
 from cadet_sym.lowering.special import FAR, density, magnitude, mills_ratio
 
 OWEN_ORDER = 16  # nodes that give Owen's T to 6e-17

@@ -11,7 +11,8 @@ import casadi as ca
 import sympy as sp
 
 from cadet_sym.expectation.closed_form import PLAIN_TERM, Kink, PiecewiseForm, Segment, Term, normal
-from cadet_sym.expectation.quadrature import REACH, Integral, lay_out, legendre
+from cadet_sym.expectation.panels import REACH, lay_out, legendre
+from cadet_sym.expectation.quadrature import Integral
 from cadet_sym.expectation.steep import about_end, without_cancellation
 from cadet_sym.expectation.tables import Table
 from cadet_sym.expectation.univariate import Apart, Bounded, Univariate

@@ -12,7 +12,7 @@ from cadet_sym.expectation.conditional import Product
 from cadet_sym.expectation.crossings import Crossing
 from cadet_sym.expectation.describing import DescribingFunction
 from cadet_sym.expectation.nested import Nested, Slice
-from cadet_sym.expectation.quadrature import REACH, Nodes, lay_out
+from cadet_sym.expectation.panels import REACH, Nodes, lay_out
 from cadet_sym.expectation.steep import Steep
 from cadet_sym.lowering.algebra import CasadiAlgebra
 from cadet_sym.lowering.bivariate import one_minus_square

@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 import sympy as sp
 
+from cadet_sym.expectation.panels import Panel
 from cadet_sym.expectation.planar import Moments
 from cadet_sym.expectation.polar import (
     FIXED,
@@ -25,7 +26,6 @@ from cadet_sym.expectation.polar import (
     Node,
     Piece,
 )
-from cadet_sym.expectation.quadrature import Panel
 from cadet_sym.lowering.algebra import CasadiAlgebra
 from cadet_sym.lowering.called import given, moments_of_two, with_derivative
 from cadet_sym.lowering.expressions import Lowering

@@ -15,7 +15,8 @@ import casadi as ca
 import sympy as sp
 
 from cadet_sym.language.expression import DISTANCE, SPEED, SPEED_RATE, TIME, symbol
-from cadet_sym.linearisation import LinearForm, Nonlinearity, OutputForm
+from cadet_sym.linear_forms import LinearForm
+from cadet_sym.linearisation import Nonlinearity, OutputForm
 from cadet_sym.lowering.delay import ground_rates, transport, wheel_forcing
 from cadet_sym.lowering.elements import element_function
 from cadet_sym.lowering.expressions import to_casadi

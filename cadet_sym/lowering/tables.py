@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from cadet_sym.expectation.quadrature import legendre
+from cadet_sym.expectation.panels import legendre
 from cadet_sym.expectation.tables import Table
 from cadet_sym.expectation.univariate import STEEP
 from cadet_sym.lowering.complex import Complex
