@@ -111,8 +111,8 @@ class Comparison:
         """Over the run: 100 (P - S)/S of a variance and its limits, (k,) each; NaN where S is zero, or round-off and P too."""
         P, S = np.asarray(self.history.variance[name]), np.asarray(self.simulation.variance[name])
         limit = np.asarray(self.simulation.limit("variance")[name])
-        nothing = ROUND_OFF * (S.max() + np.square(np.asarray(self.simulation.mean[name])).max())
-        there = (S > 0.0) & (np.maximum(S, P) > nothing)
+        square = S.max() + np.square(np.asarray(self.simulation.mean[name])).max()
+        there = (S > 0.0) & ((ROUND_OFF * square < S) | (KNOWN * square < P))
         with np.errstate(divide="ignore", invalid="ignore"):
             # (P - S)/S = P/S - 1: the error of S counts P/S times.
             return np.where(there, 100.0 * (P - S) / S, np.nan), np.where(there, 100.0 * limit / S * (P / S), np.nan)
@@ -215,6 +215,8 @@ class Comparison:
 
 
 ROUND_OFF = 1e-24  # of an output's largest square: the variance left by its terms where they cancel, 0 at any path
+KNOWN = 1e-9  # of the same: what E[y^2] - E[y]^2 leaves of a variance that is zero, either known to 1e-10
+EXACT = 1e-10  # of a value: a limit that is rounding
 SURE = 1.5  # limits: the largest of many discrepancies is beyond one of them by chance
 SHORTEST, LONGEST = -4, 8  # powers of ten that are written out
 SIMULATED = ("mean", "variance", "mean_standard_error", "variance_standard_error")
@@ -279,8 +281,8 @@ def _shape_dict(shape: InputShape) -> dict[str, Any]:
 
 
 def rounded(value: float, limit: float) -> tuple[str, str]:
-    """A value and its limit, both to the first digit of the limit (to the second if the first is a 1)."""
-    if not (math.isfinite(limit) and limit > 0.0):
+    """A value and its limit, both to the first digit of the limit (to the second if the first is a 1); rounding is no limit."""
+    if not (math.isfinite(limit) and limit > EXACT * abs(value)):
         return f"{value:.6g}", f"{limit:.2g}"
     first = math.floor(math.log10(limit))
     places = -first + (1 if limit / 10.0**first < 1.95 else 0)
