@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from cadet_sym.augmentation import AugmentedSystem
+from cadet_sym.augmentation import AugmentedSystem, augment
 from cadet_sym.compiled import CompiledModel
 from cadet_sym.compiled import compile as compile_model
 from cadet_sym.errors import CadetError, ModelError
@@ -104,7 +104,7 @@ def simulate(
     SolverError : every path diverged, or the target was not reached in the time there was; `partial` holds the
         ensemble so far.
     """
-    system = model.equations.quasi_linear.system if isinstance(model, CompiledModel) else model
+    system = augment(model.model) if isinstance(model, CompiledModel) else model
     check_numbers(paths=None if paths == "auto" else paths, **{k: v for k, v in options.items() if k in CHECKED})
     if control is False:
         return simulate_plainly(system, paths, **options)
@@ -157,7 +157,7 @@ class _Linearised:
         from scipy.interpolate import CubicSpline
 
         end, self.compiled, self.p = float(times[-1]), compiled, compiled.parameter_vector()
-        system = compiled.equations.quasi_linear.system
+        system = augment(compiled.model)  # its moment equations may come from the cache, without their symbols
         self.vehicle, self.states = system.vehicle_size, len(system.states)
         self.motion = Problem(system, times).motion
         self.edges = np.unique([0.0, *compiled.breakpoints(self.p, end), end])
@@ -175,7 +175,7 @@ class _Linearised:
 
     def _gains(self, stretch: Array) -> Array:
         """(k, nv, n + 1): N and g at times of one stretch, its ends taken just inside it."""
-        packing, at = self.compiled.equations.packing, np.searchsorted(self.history.time, stretch)
+        packing, at = self.compiled.packing, np.searchsorted(self.history.time, stretch)
         mean, covariance = self.history.state_mean[at], self.history.state_covariance[at]
         y = np.stack([packing.pack(m, P) for m, P in zip(mean, covariance, strict=True)], axis=1)
         time = np.minimum(stretch, stretch[-1] - EDGE * (stretch[-1] - stretch[0]))
@@ -187,7 +187,7 @@ class _Linearised:
 
     def _function(self) -> ca.Function:
         # In SX symbols the parts that are not asked for, nearly all of the covariance, drop out.
-        functions, packing, nv = self.compiled.functions, self.compiled.equations.packing, self.vehicle
+        functions, packing, nv = self.compiled.functions, self.compiled.packing, self.vehicle
         y, ctx, p = ca.SX.sym("y", packing.moments), ca.SX.sym("ctx", 4), ca.SX.sym("p", len(self.p))
         place = ctx[1] if packing.distance else ca.SX(0, 1)
         rate = functions.rate(ctx[0], ca.vertcat(y, place, ca.SX.zeros(packing.ground)), p)

@@ -58,6 +58,14 @@ def test_the_twin_saves_where_the_undercarriage_accelerates():
     assert run.plain_paths("x") > 6 * 1500
 
 
+def test_the_twin_of_a_model_from_the_cache_needs_no_equations(tmp_path, monkeypatch):
+    monkeypatch.setenv("CADET_SYM_CACHE", str(tmp_path))
+    for _ in range(2):
+        known = cs.compile(ROOT / "models" / "oleo_acceleration.toml")
+        twin_of(known, np.array([0.0, 1.0]))
+    assert "symbolic" not in vars(known.functions)
+
+
 def test_friction_that_starts_from_rest_has_a_twin():
     """The gain of a jump grows like 1/sqrt(t) towards a start without variance."""
     model = oscillator("-v - 0.3*sign(v)", Q=0.5, scalar=True)
