@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from reference_models import toml
 from scipy.linalg import expm, solve_continuous_lyapunov
 from scipy.optimize import brentq
 from stationary_systems import (
@@ -19,6 +20,7 @@ from stationary_systems import (
     sine,
 )
 
+import cadet_sym as cs
 from cadet_sym.errors import SolverError
 from cadet_sym.solve.frozen import FrozenProblem, WheelTrack, evaluate
 from cadet_sym.solve.linearised import LinearisedMoments
@@ -354,6 +356,49 @@ def test_a_frozen_state_keeps_its_value():
     np.testing.assert_allclose(point.covariance, [[loaded.covariance[0, 0], 0], [0, 0]], atol=1e-12)
 
 
+def test_a_vehicle_whose_forces_are_all_elements_is_found_from_its_start():
+    """The linear part alone passes none of the ground on: gas spring, oleo, friction and a tyre that lifts off."""
+    model = toml("""
+        name = "nose gear at constant speed"
+        [parameters]
+        M = 4000.0
+        mu = 120.0
+        g = 9.81
+        [elements.gas]
+        arguments = ["z"]
+        value = "15000*(0.35/(0.35 - clip(z, -0.05, 0.30)))**1.3"
+        [elements.oleo]
+        arguments = ["w"]
+        value = "9000*w**2 if w > 0 else -30000*w**2"
+        [rates]
+        zs = "vs"
+        vs = "-g + (gas(zu - zs) + oleo(vu - vs) + 800*tanh(50*(vu - vs)))/M"
+        zu = "vu"
+        vu = "-g - (gas(zu - zs) + oleo(vu - vs) + 800*tanh(50*(vu - vs)))/mu + 1.2e6*max(h - zu, 0)/mu"
+        [contacts]
+        h = {}
+        [ground]
+        kind = "iso8608"
+        gd = 16e-6
+        cutoff = 0.05
+        rolling_contact = 5.0
+        [travel]
+        speed = "20"
+        [initial]
+        zs = -0.25
+        zu = -0.0337
+        [run]
+        duration = 40.0
+    """)
+    compiled = cs.compile(model)
+    fixed, end = compiled.stationary(), compiled.propagate(times=[0.0, 40.0])
+    assert fixed.stable
+    assert len(fixed.path) == 1, "the first attempt finds it"
+    sigma = np.sqrt(np.diag(fixed.state_covariance))
+    assert np.abs((fixed.state_mean - end.state_mean[-1]) / sigma).max() < 1e-6
+    assert np.abs((fixed.state_covariance - end.state_covariance[-1]) / np.outer(sigma, sigma)).max() < 1e-6
+
+
 # -- wheels in one track --------------------------------------------------------------------------------------
 
 
@@ -390,9 +435,7 @@ def test_wheels_at_one_place_feel_one_noise(elements):
 
 def test_wheels_far_apart_are_not_correlated():
     p = two_wheels(200.0, ELEMENTS)
-    np.testing.assert_allclose(
-        stationary_point(p).covariance, stationary_point(replace(p, tracks=())).covariance, atol=1e-12
-    )
+    np.testing.assert_allclose(stationary_point(p).covariance, stationary_point(replace(p, tracks=())).covariance, atol=1e-12)
 
 
 def test_the_delay_is_that_of_the_spectral_integral():
@@ -470,9 +513,7 @@ def _whole_jacobian(at, steps: int) -> np.ndarray:
         half = at.N @ dP + dN @ at.covariance
         half = half + track.speed * track.intensity[0, 0] * np.outer(dG[-1], track.inputs[1][:, 0])
         flow = dG @ at.N.T + G @ dN.T - D @ dG
-        J[:, j] = np.concatenate(
-            [p.A @ dmu + p.b @ (at.F_slope @ dtheta), (half + half.T)[rows, columns], flow[1:].ravel()]
-        )
+        J[:, j] = np.concatenate([p.A @ dmu + p.b @ (at.F_slope @ dtheta), (half + half.T)[rows, columns], flow[1:].ravel()])
     assert K
     return J
 

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cadet_sym.errors import SolverError
-from cadet_sym.solve.frozen import Evaluation, FrozenProblem
+from cadet_sym.solve.frozen import Evaluation, FrozenProblem, evaluate
 from cadet_sym.solve.lyapunov import ModalForm, SchurForm, decompose
 
 __all__ = ["Frame", "Window", "drifting_directions", "frame", "short_run_covariance"]
@@ -28,6 +28,7 @@ __all__ = ["Frame", "Window", "drifting_directions", "frame", "short_run_covaria
 Array = np.ndarray
 
 RANK = 1e-11  # of the largest singular value: less counts as zero
+UNBOUNDED = 1e8  # of the largest entry of the linear part: gains of a jump that meets no variance are no rates
 
 
 @dataclass(frozen=True)
@@ -147,7 +148,8 @@ def frame(problem: FrozenProblem, start: Array | None = None) -> Frame:
         basis, drift = keep @ stay, keep @ drift
         shift = keep @ directions @ (forms.T @ stay)
         form = decompose(rest.A)
-    spread = short_run_covariance(form, rest.D)
+    begin = np.zeros(n) if start is None else start
+    spread = _spread(rest, form, basis.T @ (begin / unit - offset))
     sigma = _powers(np.sqrt(np.maximum(np.diag(spread), 0.0)))
     return Frame(
         problem=rest.transformed(np.diag(1 / sigma), np.diag(sigma)),
@@ -271,6 +273,17 @@ def _balance(problem: FrozenProblem) -> Array:
     coupling = np.abs(problem.A) + np.abs(problem.columns) @ np.abs(problem.C)
     _, (scale, _) = matrix_balance(coupling, permute=False, separate=True)
     return scale
+
+
+def _spread(problem: FrozenProblem, form: ModalForm | SchurForm, mean: Array) -> Array:
+    """Covariance that the noise builds up in a short run; where some elements alone pass it on, by their gains at a mean."""
+    spread = short_run_covariance(form, problem.D)
+    if spread.diagonal().all() or not len(problem.C):
+        return spread
+    at = evaluate(problem, mean, spread)
+    if not at.finite or np.abs(at.N).max() > UNBOUNDED * np.abs(problem.A).max():
+        return spread
+    return short_run_covariance(decompose(at.N), problem.D)
 
 
 def short_run_covariance(form: ModalForm | SchurForm, D: Array) -> Array:

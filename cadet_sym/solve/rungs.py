@@ -193,7 +193,8 @@ def _implicit_step(lin: LinearisedMoments, h: float) -> tuple[Evaluation | None,
         dmu, dP = lin.step(1.0 / h)
     except SolverError:
         return None, np.inf
-    if not _finite((dmu, dP)) or np.min(np.diag(at.covariance + dP)) < 0:
+    variances = np.diag(at.covariance + dP)
+    if not _finite((dmu, dP)) or variances.min() < -ROUNDING * variances.max():
         return None, np.inf
     trial = evaluate(at.problem, at.mean + dmu, at.covariance + dP)
     if not trial.finite:
