@@ -291,6 +291,30 @@ def test_step_error_needs_pairs_that_stay_finite():
     assert np.isnan(step_error_of(x, x).mean).all()
 
 
+def test_a_stiff_gap_that_the_first_step_does_not_see_is_found():
+    """The mean stands at the edge of the gap, whose stiffness, 1900 rad/s, is gone from the largest differences."""
+    model = toml("""
+        name = "gear pair with backlash"
+        [elements.mesh]
+        arguments = ["z"]
+        value = "5e4*(z - clip(z, -0.001, 0.001))"
+        [rates]
+        w1 = "(20 - 0.1*w1 - mesh(x) - 4*(w1 - w2))/0.02 + n/0.02"
+        w2 = "(-20 + mesh(x) + 4*(w1 - w2) - 0.1*w2)/0.05"
+        x = "w1 - w2"
+        [noise]
+        n = 40.0
+        [initial]
+        x = 0.0014
+        [run]
+        duration = 0.5
+        points = 3
+    """)
+    run = simulate(model, 256, seed=1)
+    assert run.diverged == 0
+    assert run.step < 1e-3
+
+
 def test_diverging_paths_are_counted_and_told():
     model = toml('[rates]\nx = "x**3 - x"\n[initial.covariance]\n"x,x" = 0.25\n[run]\nduration = 12.0\npoints = 13')
     with pytest.warns(RuntimeWarning, match="paths diverged") as caught:

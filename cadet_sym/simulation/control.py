@@ -254,8 +254,10 @@ def reference_of(problem: Problem, records: np.ndarray) -> Reference:
 
 def _slopes(records: np.ndarray, row: int, seen: list[int], n: int) -> np.ndarray:
     """Regression of one row on some states at each time, (times, n)."""
-    slopes = np.zeros((len(records), n))
-    for k, values in enumerate(records[:, :, alive(records).all(axis=0)]):
+    slopes, living = np.zeros((len(records), n)), alive(records).all(axis=0)
+    if living.sum() < 2:
+        return slopes
+    for k, values in enumerate(records[:, :, living]):
         x, y = (values[rows] - values[rows].mean(axis=-1, keepdims=True) for rows in (seen, row))
         size = np.maximum(x.std(axis=1), 1e-300)
         slopes[k, seen] = np.linalg.lstsq((x / size[:, None]).T, y, rcond=1e-9)[0] / size

@@ -37,9 +37,16 @@ class Rates:
         From differences of three sizes, of which the one that asks for the least is taken: a friction's jump is
         no rate, and a stop that is far away none either. The step's error, measured, has the last word.
         """
+        return min(self._scales(linear), default=0.0)
+
+    def fastest(self) -> float:
+        """The same where the most is asked for: what none of the vehicle's paths is likely to exceed but at a jump."""
+        return max(self._scales(), default=0.0)
+
+    def _scales(self, linear: Linear | None = None) -> list[float]:
+        """Largest rates (1/s) by differences of each size."""
         run = np.array([0.0, 0.5 * self.duration, self.duration])
-        scales = [np.abs(modes).max() for modes in self._modes(run, linear)]
-        return float(min(scales, default=0.0))
+        return [float(np.abs(modes).max()) for modes in self._modes(run, linear)]
 
     def linear(self, linear: Linear, begin: Iterable[int] | None = None) -> float:
         """Largest rate of the vehicle's linear terms alone; of the states that are reached from some of them, if given."""

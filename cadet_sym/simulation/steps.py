@@ -21,6 +21,7 @@ _PAIRS = (256, 4096)  # least and most paths that are computed with a step and w
 _PART = 0.5  # of the sampling error: what the step's error may be
 _TRIALS = 8
 _HOPELESS = 1.4  # halving the step must shrink its error by this much, else pairs of paths do not stay together
+_TOO_LONG = 0.5  # step times the vehicle's fastest rate: where most paths run away, they may do so for the step's sake
 _STANDS_OUT = 4.0  # standard errors by which a step's error must differ from none to count as seen
 _RUNAWAY = 300.0  # times the deviation that one path in ten exceeds
 _TOGETHER = 0.5  # of its distance from the others: how far apart the two of a pair may be
@@ -93,7 +94,8 @@ def choose_step(
         last = trials[-1]
         if not insist and not last.lost and last.reference.gain < _WORTH:
             return Chosen(last.step, before, worth=False)
-        no_better = len(trials) > 1 and last.is_no_better_than(trials[-2])
+        hopeless = len(trials) > 1 and last.is_no_better_than(trials[-2])
+        no_better = hopeless and not (last.died > 0.5 and last.step * problem.rates.fastest() > _TOO_LONG)
         enough = last.excess <= 1.0 or fixed or len(trials) == _TRIALS
         if enough or no_better or last.step < SHORTEST * problem.times[-1]:
             break
@@ -120,6 +122,7 @@ class _Trial:
     bias: float
     needed: float  # paths
     lost: int = 0  # pairs that run apart; where there are any, excess and bias are infinite
+    died: float = 0.0  # share of pairs that run to infinity
 
     def is_no_better_than(self, longer: _Trial) -> bool:
         """Whether a shorter step has brought little: a model whose own paths run away does so with any step."""
@@ -136,9 +139,11 @@ def _try(problem: Problem, step: float, before: float, engine: str, seed: int, p
         error, reference = step_error_of(coarse, fine), reference_of(problem, records[0])
     moments = reference.moments
     vehicle = problem.system.vehicle_size
-    lost = _running_apart(coarse[:, :vehicle], fine[:, :vehicle])
+    lost, died = _running_apart(coarse[:, :vehicle], fine[:, :vehicle]), 1.0 - error.paths / pairs
+    if not np.isfinite(error.variance[:, :vehicle]).all():  # of what is too large to be squared there are no moments
+        lost, died = pairs, 1.0
     if lost:
-        return _Trial(float(grid.step.max()), error, reference, math.inf, math.inf, precision.paths, lost)
+        return _Trial(float(grid.step.max()), error, reference, math.inf, math.inf, precision.paths, lost, died)
     spread = math.sqrt(pairs) * np.stack([moments.mean_standard_error, moments.variance_standard_error])
     if reference.controls:
         with np.errstate(over="ignore", invalid="ignore"):  # of the coarser of two, the twin may run away
