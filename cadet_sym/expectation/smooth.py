@@ -168,7 +168,8 @@ class _Case:
         total, size, nodes = np.zeros(3), 0.0, 0
         for count in np.unique(counts):
             on = counts == count
-            v, w, factor = layout.inner_nodes(tuple(x[on] for x in line), int(count))
+            centre, width, first, last = (x[on] for x in line)
+            v, w, factor = layout.inner_nodes((centre, width, first, (last - first) / (count - 1)), int(count))
             z = {outer: at.m + at.s * u[on] + 0 * v, inner: at.mean + at.lean * u[on] + at.left * v}
             weights = w * (factor * weight[on])
             f, *slopes = (np.broadcast_to(self._evaluate(e, z), v.shape) * weights for e in self.planar.slopes)

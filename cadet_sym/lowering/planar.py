@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import casadi as ca
 import sympy as sp
 
-from cadet_sym.expectation.planar import INNER, OUTER, REACH, Layout, Moments, Planar, density
+from cadet_sym.expectation.planar import INNER, OUTER, REACH, TOGETHER, Layout, Moments, Planar, density
 from cadet_sym.lowering.algebra import CasadiAlgebra
 from cadet_sym.lowering.called import given, moments_of_two, with_derivative
 from cadet_sym.lowering.expressions import Lowering
@@ -91,7 +91,7 @@ def _unrolled(planar: Planar, free: tuple[sp.Symbol, ...]) -> ca.Function:
     fixed, fixed_q = xp.frozen(at), xp.frozen(q)  # what the nodes depend on, with no derivative
     places, u, first, last, _ = sums.setup()(fixed, fixed_q)
     (outer, inner), total = planar.counts or (2, 2), ca.SX(0)
-    advance, line, length, before = sums.advance(), sums.line(inner), last - first, 0.0
+    advance, line, length, before = sums.advance(), sums.line(inner).expand(), last - first, 0.0
     for t, w in zip(*planar.outer_rule(outer), strict=True):
         u, _, weight, stretch = advance(u, first + length * t, length * (t - before), places, fixed, fixed_q)
         total, before = total + line(u, w * weight, stretch, at, q), t
@@ -128,7 +128,8 @@ class _Sums:
 
     def lines(self) -> ca.Function:
         """`line` with the number of nodes as its first argument: which of `inner_rungs` it is."""
-        lines = [self.line(count) for count in self.inner_rungs.counts]
+        known = {count: self.line(count) for count in self.inner_rungs.counts}
+        lines = [known[count] for count in self.inner_rungs.counts]
         return ca.Function.conditional("line", lines[:-1], lines[-1])
 
     def setup(self) -> ca.Function:
@@ -164,26 +165,36 @@ class _Sums:
         t, w = (ca.DM(x).T for x in self.planar.outer_rule(count))
         taus, more = first + (last - first) * t, (last - first) * ca.horzcat(t[0], ca.diff(t, 1, 1))
         same = [ca.repmat(x, 1, count) for x in (places, at, q)]
-        u, rungs, weights, stretches = advance.mapaccum(count)(low, taus, more, *same)
+        u, rungs, weights, stretches = advance.mapaccum("marched", count, {"base": 2})(low, taus, more, *same)
         total = line.map("lines", "serial", count, [4, 5], [0])(rungs, u, w * weights, stretches, at, q)
         return ca.Function(f"outer{count}", [at, q, places, low, first, last], [(last - first) * total])
 
     def line(self, count: int) -> ca.Function:
         """The inner line with that many nodes: (u, weight, stretch, moments, parameters) -> its part of the expectations."""
-        u, weight, line = ca.SX.sym("u"), ca.SX.sym("weight"), ca.SX.sym("line", 4)
+        u, weight, line = ca.MX.sym("u"), ca.MX.sym("weight"), ca.MX.sym("line", 4)
+        at, q = ca.MX.sym("at", 6), ca.MX.sym("q", len(self.free))
+        calls, step = count // TOGETHER, (line[3] - line[2]) / (count - 1)
+        begins = line[2] + step * ca.DM(range(0, count, TOGETHER)).T
+        same = [u, line[:2], step, at, q]
+        nodes = self.nodes.map("nodes", "serial", calls, list(range(1, 6)), [0])
+        options = {"is_diff_in": [False, False, False, True, True]}
+        return ca.Function(f"line{count}", [u, weight, line, at, q], [weight * nodes(begins, *same)], options)
+
+    @cached_property
+    def nodes(self) -> ca.Function:
+        """What a few nodes add: (tau at the first, u, centre and width of the pole, step, moments, parameters) -> sums."""
+        begin, u, pole, step = ca.SX.sym("begin"), ca.SX.sym("u"), ca.SX.sym("pole", 2), ca.SX.sym("step")
         at = self.moments
-        centre, width, first, last = ca.vertsplit(line)
-        v, w, factor = self.layout.inner_nodes((centre, width, first, last), count)
+        v, w, factor = self.layout.inner_nodes((pole[0], pole[1], begin, step), TOGETHER)
         outer, inner = self.planar.symbols
-        env = {**self.env, outer: at.m + at.s * u, inner: at.mean + at.lean * u + at.left * v}
-        lowering = Lowering(env)
+        lowering = Lowering({**self.env, outer: at.m + at.s * u, inner: at.mean + at.lean * u + at.left * v})
         sums = []
         for expression in self.expressions:
             values = ca.SX(lowering.convert(expression))
             sums.append(ca.dot(w, values) if values.numel() > 1 else values * ca.sum1(w))
-        arguments = [u, weight, line, self.at, self.q]
-        options = {"is_diff_in": [False, False, False, True, True]}
-        return ca.Function(f"line{count}", arguments, [weight * factor * ca.vertcat(*sums)], options)
+        arguments = [begin, u, pole, step, self.at, self.q]
+        options = {"is_diff_in": [False] * 4 + [True, True]}
+        return ca.Function("nodes", arguments, [factor * ca.vertcat(*sums)], options)
 
 
 def _constant(name: str, arguments: list[ca.SX], results: list[ca.SX]) -> ca.Function:
