@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 import cadet_sym as cs
 from cadet_sym import cache
 from cadet_sym.cli import main
-from cadet_sym.lowering import functions, llvm, machine
+from cadet_sym.lowering import functions, llvm, machine, scalars
 from cadet_sym.lowering.structured import structured_rate
 from cadet_sym.solve.native import Native
 from cadet_sym.solve.transient import integrate
@@ -121,7 +121,7 @@ def test_long_functions_are_cut_into_blocks_that_pass_values_on(monkeypatch):
     function = ca.Function("long", [x], [total, ca.vertcat(*values)])
     at = [np.linspace(0.1, 2.0, 40)]
     for length in (3, 50, 10_000):
-        monkeypatch.setattr(llvm, "BLOCK", length)
+        monkeypatch.setattr(scalars, "BLOCK", length)
         for found, expected in zip(compiled_function(function)(*at), virtual(function, at), strict=True):
             np.testing.assert_array_equal(found, expected)
 
@@ -146,12 +146,6 @@ def test_random_expressions_are_casadis_to_the_last_bit(tree):
     function = ca.Function("f", [x, y], [build(tree)])
     at = [np.array([0.7]), np.array([-1.3])]
     np.testing.assert_array_equal(compiled_function(function)(*at)[0], virtual(function, at)[0])
-
-
-def test_what_is_not_made_of_scalars_is_refused():
-    x = ca.MX.sym("x", 2)
-    with pytest.raises(ValueError, match="not made of scalar operations"):
-        llvm.intermediate(ca.Function("f", [x], [2 * x]), "f")
 
 
 def test_code_is_made_once_and_again_where_it_was_cut_off(place, monkeypatch):

@@ -148,7 +148,7 @@ def operations(function: ca.Function, scalars: Sequence[str]) -> list[Step]:
         return operand if type(operand) is int else constant(operand)
 
     steps = []
-    for kind, operands, written in found:
+    for kind, operands, written, _ in found:
         if written is None and kind not in OPERATIONS:
             raise ExportError(
                 f"the operation `{kind.lower()}` in `{function.name()}` has no counterpart in C; "

@@ -18,7 +18,8 @@ import numpy as np
 
 from cadet_sym.delay import DelayGrid, Gap
 from cadet_sym.lowering.held import opened
-from cadet_sym.lowering.llvm import intermediate, literal
+from cadet_sym.lowering.instructions import literal
+from cadet_sym.lowering.llvm import intermediate
 
 if TYPE_CHECKING:
     from cadet_sym.lowering.functions import MomentFunctions
@@ -111,7 +112,7 @@ def _body(layout: _Layout, name: str) -> Iterator[str]:
     if layout.apart == "x" and grid.known:
         yield f"  %rest = getelementptr double, ptr %dx, i64 {layout.known}"
         yield f"  call void @llvm.memset.p0.i64(ptr %rest, i8 0, i64 {8 * grid.known}, i1 false)"
-    yield "  ret void\n}\ndeclare void @llvm.memset.p0.i64(ptr, i8, i64, i1)"
+    yield "  ret void\n}"
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from cadet_sym.lowering.carried import WIDEST, carried_code, head
 from cadet_sym.lowering.facts import Facts
 from cadet_sym.lowering.llvm import intermediate, repeated
 from cadet_sym.lowering.machine import MachineCode, available, machine_code
+from cadet_sym.lowering.operations import size
 from cadet_sym.lowering.structured import structured_rate
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ PAYS = 2500
 """Evaluations in CasADi's virtual machine that take as long as it takes to make machine code."""
 
 SMALL = 2000
-"""Operations of a function up to which thorough machine code takes a tenth of a second ..."""
+"""Operations of a function, and of those that it calls, up to which thorough machine code takes a tenth of a second ..."""
 
 LARGE = 20_000
 """... up to which some machine code takes half a second ..."""
@@ -121,14 +122,14 @@ class MomentFunctions:
         return self.machine("outputs") if self._outputs_asked_for > PAYS else None
 
     def _compiled(self, name: str) -> MachineCode | None:
-        if not available() or (name == "rate" and self.calls):
+        if not available():
             return None
         if name == "rate" and self.large:
             return structured_rate(self.ingredients, self._shelf)
         over = name == "outputs"
         loops = not over and self.facts.delay is not None and self.facts.delay.rows <= WIDEST
         function = getattr(self, f"{name}_head" if loops else name)
-        if (count := function.n_instructions()) > (LARGEST if self.jit else LARGE) or function.find_functions():
+        if (count := size(function)) > (LARGEST if self.jit else LARGE):
             return None
         thorough = self.jit or count <= SMALL
         with contextlib.suppress(ValueError):  # an operation that only CasADi knows

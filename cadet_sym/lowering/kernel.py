@@ -25,7 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cadet_sym.cache import digest, shelf
-from cadet_sym.lowering.llvm import literal
+from cadet_sym.lowering.instructions import literal
 from cadet_sym.lowering.machine import MachineCode, machine_code
 
 __all__ = ["Function", "Vector", "isfinite", "kernel", "kernel_text", "part", "sqrt"]

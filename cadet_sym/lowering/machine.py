@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from cadet_sym.cache import Shelf, digest, shelf
-from cadet_sym.lowering.llvm import counted
+from cadet_sym.lowering.instructions import counted
 
 __all__ = ["MachineCode", "address", "available", "in_turn", "machine_code"]
 

@@ -1,7 +1,8 @@
 """Take a CasADi function of scalars apart into its operations, for those who write it in another language.
 
-An operation refers to what it needs by the operation that made it, not by a work register. Long functions are cut into
-blocks, which compilers take in linear time; what a later block needs of an earlier one goes through a scratch array.
+An operation refers to what it needs by the operation that made it, not by a work register. A call of another function is an
+operation too, followed by one for every number of its results. Long functions are cut into blocks, which compilers take in
+linear time; what a later block needs of an earlier one goes through a scratch array.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import NamedTuple, Protocol
 
 import casadi as ca
 
-__all__ = ["Blocks", "Entry", "Operation", "cut", "operations"]
+__all__ = ["Blocks", "Entry", "Operation", "cut", "kinds", "operations", "size"]
 
 
 class Entry(NamedTuple):
@@ -28,11 +29,12 @@ Operand = int | float | Entry
 
 
 class Operation(NamedTuple):
-    """One operation in scalars, or one entry of a result written."""
+    """One operation in scalars, one entry of a result written, or a call: its operands are the entries of all arguments."""
 
-    kind: str  # CasADi's name without its OP_; `OUTPUT` writes a result
+    kind: str  # CasADi's name without its OP_; `OUTPUT` writes a result, `RESULT` reads one of a `CALL`
     operands: tuple[Operand, ...]
-    written: Entry | None = None
+    entry: Entry | None = None  # that is written; of what the operation of that number calls, counted through all results
+    called: ca.Function | None = None
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,8 @@ class Blocks:
 
 
 @cache
-def _kinds() -> dict[int, str]:
+def kinds() -> dict[int, str]:
+    """CasADi's names of operations, by their numbers."""
     return {getattr(ca, name): name[3:] for name in dir(ca) if name.startswith("OP_")}
 
 
@@ -59,11 +62,11 @@ def operations(function: ca.Function) -> list[Operation]:
     """
     if not function.is_a("SXFunction"):
         raise ValueError(f"`{function.name()}` is not made of scalar operations")
-    kinds = _kinds()
+    names, calls = kinds(), function.instructions_sx() if function.find_functions(0) else None
     register: dict[int, Operand] = {}
     found: list[Operation] = []
     for k in range(function.n_instructions()):
-        kind = kinds[function.instruction_id(k)]
+        kind = names[function.instruction_id(k)]
         into = function.instruction_output(k)
         if kind == "CONST":
             register[into[0]] = function.instruction_constant(k)
@@ -74,10 +77,23 @@ def operations(function: ca.Function) -> list[Operation]:
         elif kind == "OUTPUT":
             found.append(Operation(kind, (register[read[0]],), Entry(*into)))
         else:
-            operands = tuple(register[i] for i in read)
-            register[into[0]] = len(found)
-            found.append(Operation(kind, operands))
+            operands, here = tuple(register[i] for i in read), len(found)
+            if kind != "CALL":
+                register[into[0]] = here
+                found.append(Operation(kind, operands))
+                continue
+            assert calls is not None
+            found.append(Operation(kind, operands, called=calls[k].which_function()))
+            for j, i in enumerate(into):
+                register[i] = len(found)
+                found.append(Operation("RESULT", (), Entry(here, j)))
     return found
+
+
+def size(function: ca.Function) -> int:
+    """How many operations there are in a function and in those that it calls, each of these counted once."""
+    every = [function, *function.find_functions()]
+    return sum(each.n_instructions() for each in every if each.class_name() in ("SXFunction", "MXFunction"))
 
 
 class _Step(Protocol):

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 
+from cadet_sym.lowering.instructions import literal
 from cadet_sym.lowering.kernel import Vector, kernel, part
-from cadet_sym.lowering.llvm import intermediate, literal
+from cadet_sym.lowering.llvm import intermediate
 from cadet_sym.lowering.machine import MachineCode, machine_code
 
 if TYPE_CHECKING:
@@ -84,8 +85,6 @@ def structured_rate(ingredients: ca.Function, shelf: Shelf | None) -> MachineCod
 {_table("begins", begins)}
 {_table("columns", columns)}
 {_table("places", places)}
-declare ptr @malloc(i64)
-declare void @free(ptr)
 declare i64 @assemble(ptr, ptr, ptr, ptr, ptr, ptr, ptr, i64, i64, ptr)
 define void @rate(ptr %t, ptr %y, ptr %p, ptr %out) nounwind {{
   %mean = call ptr @malloc(i64 {size})

@@ -1,0 +1,289 @@
+"""CasADi's graphs of matrices in LLVM's intermediate language, and its functions that call others many times or by choice.
+
+What an instruction makes has a place of its own in a work array, or is a part of what is there already. Nothing is
+unrolled: an operation on many entries is a loop, and so is the call of a function for every column.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+
+from cadet_sym.lowering.instructions import Module, arguments, counted, instructions, literal
+from cadet_sym.lowering.operations import kinds as names
+
+__all__ = ["choice", "graph", "mapped", "over"]
+
+LARGEST = 4096
+"""Numbers that a function may keep on the stack."""
+
+LOOPS = {
+    # out = x x x ...
+    "tiled": counted(
+        "tiled",
+        ("ptr %out", "ptr %x", "i64 %n"),
+        [
+            "  %f = mul i64 %k, %n",
+            "  %p = getelementptr double, ptr %out, i64 %f",
+            "  %b = mul i64 %n, 8",
+            "  call void @llvm.memcpy.p0.p0.i64(ptr %p, ptr %x, i64 %b, i1 false)",
+        ],
+    ),
+    # out = the sum of x, x + n, x + 2 n, ...
+    "summed": counted(
+        "summed",
+        ("ptr %out", "ptr %x", "i64 %n"),
+        [
+            "  %f = mul i64 %k, %n",
+            "  %p = getelementptr double, ptr %x, i64 %f",
+            "  call void @each.ADD(i64 %n, ptr %out, ptr %out, i64 1, ptr %p, i64 1)",
+        ],
+    ),
+    # out_k = x_(at_k)
+    "picked": counted(
+        "picked",
+        ("ptr %out", "ptr %x", "ptr %at"),
+        [
+            "  %a = getelementptr i64, ptr %at, i64 %k",
+            "  %i = load i64, ptr %a",
+            "  %p = getelementptr double, ptr %x, i64 %i",
+            "  %v = load double, ptr %p",
+            "  %o = getelementptr double, ptr %out, i64 %k",
+            "  store double %v, ptr %o",
+        ],
+    ),
+}
+"""Loops, by name."""
+
+
+def _each(kind: str, operands: int) -> str:
+    """@each.KIND(count, out, x, sx[, y, sy]): an operation on entries that lie sx and sy apart."""
+    body, given = [], ["ptr %out"]
+    for x in ("x", "y")[:operands]:
+        given += [f"ptr %{x}", f"i64 %s{x}"]
+        body += [
+            f"  %f{x} = mul i64 %k, %s{x}",
+            f"  %p{x} = getelementptr double, ptr %{x}, i64 %f{x}",
+            f"  %v{x} = load double, ptr %p{x}",
+        ]
+    body += instructions(0, kind, ("%vx", "%vy")[:operands])
+    body += ["  %o = getelementptr double, ptr %out, i64 %k", "  store double %a0, ptr %o"]
+    return counted(f"each.{kind}", given, body)
+
+
+def mapped(function: ca.Function, module: Module) -> list[str]:
+    """The lines of `@self`, a function that is called for every column of its arguments."""
+    info = function.info()
+    called, count = info["f"], info["n"]
+    sizes = [*map(called.nnz_in, range(called.n_in())), *map(called.nnz_out, range(called.n_out()))]
+    name, given = module.name_of(called), arguments(function)
+    module.loops[f"{name}.over"] = over(f"{name}.over", name, given, sizes)
+    return [
+        f"define internal void @self({given}) nounwind {{",
+        f"  call void @{name}.over(i64 {count}, {given})",
+        "  ret void",
+        "}",
+    ]
+
+
+def over(name: str, called: str, given: str, sizes: Sequence[int]) -> str:
+    """The text of a function NAME(count, ...) that calls another so many times, its pointers going on by these sizes."""
+    here, pointers = [], given.split(", ")
+    for k, (pointer, size) in enumerate(zip(pointers, sizes, strict=True)):
+        here += [f"  %f{k} = mul i64 %k, {size}", f"  %p{k} = getelementptr double, {pointer}, i64 %f{k}"]
+    here.append(f"  call void @{called}({', '.join(f'ptr %p{k}' for k in range(len(pointers)))})")
+    return counted(name, pointers, here)
+
+
+def choice(function: ca.Function, module: Module) -> list[str]:
+    """The lines of `@self`, which calls one of several functions by the number that is its first argument.
+
+    Raises
+    ------
+    ValueError
+        If these functions do not take and give the same entries.
+    """
+    info = function.info()
+    if info["project_in"] or info["project_out"]:
+        raise ValueError(f"the functions that `{function.name()}` chooses from differ in their sparsity")
+    cases, given = [*info["f"], info["f_def"]], arguments(function)
+    rest = given.partition(", ")[2]
+    lines = [
+        f"define internal void @self({given}) nounwind {{",
+        "  %x = load double, ptr %i0",
+        "  %a = fcmp ogt double %x, -1.0",
+        f"  %b = fcmp olt double %x, {literal(len(cases) - 1)}",
+        "  %c = and i1 %a, %b",
+        "  %n = fptosi double %x to i64",
+        "  %k = select i1 %c, i64 %n, i64 -1",
+        f"  switch i64 %k, label %case{len(cases) - 1} [",
+        *(f"    i64 {k}, label %case{k}" for k in range(len(cases) - 1)),
+        "  ]",
+    ]
+    for k, case in enumerate(cases):
+        lines += [f"case{k}:", f"  call void @{module.name_of(case)}({rest})", "  ret void"]
+    return [*lines, "}"]
+
+
+def graph(function: ca.Function, module: Module) -> list[str]:
+    """The lines of `@self`, a function of matrices.
+
+    Raises
+    ------
+    ValueError
+        If it makes use of something not known here.
+    """
+    return _Graph(function, module).text()
+
+
+class _Graph:
+    """Writes the instructions one after the other."""
+
+    def __init__(self, function: ca.Function, module: Module) -> None:
+        self.function, self.module = function, module
+        self.lines: list[str] = []
+        self.tables: list[str] = []
+        self.used, self.count = 0, 0
+        self.at: dict[int, str] = {}  # what CasADi has in a register: a pointer ...
+        self.size: dict[int, int] = {}  # ... to so many numbers
+        self.written = [0] * function.n_out()
+
+    def text(self) -> list[str]:
+        for k in range(self.function.n_instructions()):
+            kind = names()[self.function.instruction_id(k)]
+            read, into = self.function.instruction_input(k), self.function.instruction_output(k)
+            if kind == "OUTPUT":
+                self._output(read[0], into[0])
+                continue
+            node = self.function.instruction_MX(k)
+            write = getattr(self, f"_of_{kind.lower()}", None)
+            if write is not None:
+                write(node, read, into)
+            else:
+                self._entries(kind, node, read, into)
+        begin, end = f"  %w = alloca [{self.used} x double], align 32", []
+        if self.used > LARGEST:
+            begin, end = f"  %w = call ptr @malloc(i64 {8 * self.used})", ["  call void @free(ptr %w)"]
+        head = f"define internal void @self({arguments(self.function)}) nounwind {{"
+        return [*self.tables, head, *[begin] * bool(self.used), *self.lines, *end, "  ret void", "}"]
+
+    # -- instructions -----------------------------------------------------------------------------------------
+
+    def _of_input(self, node: ca.MX, read: list[int], into: list[int]) -> None:
+        self._part(into[0], f"%i{read[0]}", node.info()["offset"], node.nnz())
+
+    def _output(self, of: int, result: int) -> None:
+        there = self._pointer(f"%o{result}", self.written[result])
+        self._copy(there, self.at[of], self.size[of])
+        self.written[result] += self.size[of]
+
+    def _of_const(self, node: ca.MX, _: list[int], into: list[int]) -> None:
+        values = node.to_DM().nonzeros()
+        numbers = ", ".join(f"double {literal(value)}" for value in values)
+        self.at[into[0]], self.size[into[0]] = self._table(f"[{len(values)} x double] [{numbers}]"), len(values)
+
+    def _of_call(self, node: ca.MX, read: list[int], into: list[int]) -> None:
+        called = node.which_function()
+        results = [self._new(to, called.nnz_out(j)) for j, to in enumerate(into)]
+        given = ", ".join(f"ptr {pointer}" for pointer in [*(self.at[i] for i in read), *results])
+        self.lines.append(f"  call void @{self.module.name_of(called)}({given})")
+
+    def _of_horzsplit(self, node: ca.MX, read: list[int], into: list[int]) -> None:
+        parts, first = node.info()["output"], 0
+        for j, to in enumerate(into):
+            self._part(to, self.at[read[0]], first, parts.nnz_out(j))
+            first += parts.nnz_out(j)
+
+    def _of_vertsplit(self, node: ca.MX, read: list[int], into: list[int]) -> None:
+        self._only(node.dep(0).is_column(), "a matrix is split into rows")
+        self._of_horzsplit(node, read, into)
+
+    def _of_horzcat(self, node: ca.MX, read: list[int], into: list[int]) -> None:
+        parts, first = [(self.at[i], self.size[i]) for i in read], 0
+        there = self._new(into[0], node.nnz())
+        for pointer, size in parts:
+            self._copy(self._pointer(there, first), pointer, size)
+            first += size
+
+    def _of_vertcat(self, node: ca.MX, read: list[int], into: list[int]) -> None:
+        self._only(node.is_column(), "matrices are put below each other")
+        self._of_horzcat(node, read, into)
+
+    def _of_horzrepmat(self, node: ca.MX, read: list[int], into: list[int]) -> None:
+        x, n = self.at[read[0]], self.size[read[0]]
+        self._loop("tiled", node.nnz() // max(n, 1), self._new(into[0], node.nnz()), x, f"i64 {n}")
+
+    def _of_horzrepsum(self, node: ca.MX, read: list[int], into: list[int]) -> None:
+        x, count, n = self.at[read[0]], self.size[read[0]], node.nnz()
+        there = self._new(into[0], n)
+        self.module.loops["each.ADD"] = _each("ADD", 2)
+        self.lines.append(f"  call void @llvm.memset.p0.i64(ptr {there}, i8 0, i64 {8 * n}, i1 false)")
+        self._loop("summed", count // max(n, 1), there, x, f"i64 {n}")
+
+    def _of_reshape(self, node: ca.MX, read: list[int], into: list[int]) -> None:
+        self._part(into[0], self.at[read[0]], 0, node.nnz())
+
+    def _of_transpose(self, node: ca.MX, read: list[int], into: list[int]) -> None:
+        rows, columns = node.shape
+        self._only(node.is_dense(), "a sparse matrix is transposed")
+        self._pick(read[0], into[0], [i * columns + j for j in range(columns) for i in range(rows)])
+
+    def _of_getnonzeros(self, node: ca.MX, read: list[int], into: list[int]) -> None:
+        self._pick(read[0], into[0], [int(i) for i in node.mapping().nonzeros()])
+
+    def _entries(self, kind: str, node: ca.MX, read: list[int], into: list[int]) -> None:
+        """An operation on every entry; one number takes part in all."""
+        count = node.nnz()
+        sizes = [self.size[i] for i in read]
+        self._only(all(size in (1, count) for size in sizes), f"matrices of other sparsity meet in `{kind.lower()}`")
+        self.module.kinds.add(kind)
+        self.module.loops[f"each.{kind}"] = _each(kind, len(read))
+        given = [f"ptr {self.at[i]}, i64 {int(size == count)}" for i, size in zip(read, sizes, strict=True)]
+        there = self._new(into[0], count)
+        self.lines.append(f"  call void @each.{kind}(i64 {count}, ptr {there}, {', '.join(given)})")
+
+    # -- memory -----------------------------------------------------------------------------------------------
+
+    def _new(self, register: int, size: int) -> str:
+        """A place of its own; of what is not used the register is negative."""
+        there = self._pointer("%w", self.used)
+        self.used += size
+        if register >= 0:
+            self.at[register], self.size[register] = there, size
+        return there
+
+    def _part(self, register: int, pointer: str, first: int, size: int) -> None:
+        if register >= 0:
+            self.at[register], self.size[register] = self._pointer(pointer, first), size
+
+    def _pointer(self, pointer: str, first: int) -> str:
+        if not first:
+            return pointer
+        self.count += 1
+        self.lines.append(f"  %x{self.count} = getelementptr double, ptr {pointer}, i64 {first}")
+        return f"%x{self.count}"
+
+    def _copy(self, there: str, pointer: str, size: int) -> None:
+        self.lines.append(f"  call void @llvm.memcpy.p0.p0.i64(ptr {there}, ptr {pointer}, i64 {8 * size}, i1 false)")
+
+    def _pick(self, source: int, register: int, which: Sequence[int]) -> None:
+        first = which[0] if which else 0
+        if list(which) == list(range(first, first + len(which))):
+            self._part(register, self.at[source], first, len(which))
+            return
+        x, table = self.at[source], self._table(f"[{len(which)} x i64] [{', '.join(f'i64 {i}' for i in which)}]")
+        self._loop("picked", len(which), self._new(register, len(which)), x, f"ptr {table}")
+
+    def _loop(self, name: str, count: int, there: str, x: str, more: str) -> None:
+        self.module.loops[name] = LOOPS[name]
+        self.lines.append(f"  call void @{name}(i64 {count}, ptr {there}, ptr {x}, {more})")
+
+    def _table(self, values: str) -> str:
+        name = f"@self.c{len(self.tables)}"
+        self.tables.append(f"{name} = internal constant {values}")
+        return name
+
+    def _only(self, fine: bool, otherwise: str) -> None:
+        if not fine:
+            raise ValueError(f"{otherwise} in `{self.function.name()}`, which has no machine code")
