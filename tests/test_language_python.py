@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
+import cadet_sym as cs
 from cadet_sym.errors import ExportError, LinearisationError, ModelError, SolverError
 from cadet_sym.language.element import Element
 from cadet_sym.language.expression import TIME, ElementCall, der, parse, symbol
@@ -132,6 +133,44 @@ def test_names_may_be_texts_or_symbols():
     assert Model(Vehicle({x: sp.Symbol("w")}), noise={"w": 2}).noise == Noise(["w"], [[2]]) == Noise("w", 2)
 
 
+GROUNDS = {
+    'kind = "iso8608"\nclass = "C"\ncutoff = 0.05': lambda: cs.iso8608("C", cutoff=0.05),
+    'kind = "second_order"\nsigma = 0.01\ncutoff = 0.1\nwavenumber = 0.5': lambda: cs.second_order(0.01, 0.1, 0.5),
+    'kind = "spectrum"\nnumerator = [1e-6]\ndenominator = [0.04, 0, 1]': lambda: cs.spectrum([1e-6], [0.04, 0, 1]),
+}
+
+
+@pytest.mark.parametrize("text", GROUNDS)
+def test_every_kind_of_ground_has_a_public_name(text):
+    file = loads(f'schema = 1\n[rates]\nx = "h - x"\n[contacts]\nh = {{}}\n[ground]\n{text}\n[travel]\nspeed = "9"')
+    vehicle = Vehicle({x: h - x}, contacts={h: Contact()})
+    assert file.ground == GROUNDS[text]()
+    assert file.hash == Model(vehicle, GROUNDS[text](), Travel(speed=9)).hash
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "monotone"])
+@pytest.mark.parametrize("outside", ["extrapolate", "hold"])
+def test_a_measured_curve_of_arrays_is_that_of_the_file(outside, interpolation):
+    rows = [[-1.0, -900.0], [0.0, 0.0], [0.3, 250.0]]
+    file = loads(f"""
+        schema = 1
+        [elements.damper]
+        arguments = ["z"]
+        table = {rows}
+        outside = "{outside}"
+        interpolation = "{interpolation}"
+        [rates]
+        x = "-damper(x) + w"
+        [noise]
+        w = 1.0
+        [run]
+        duration = 1.0
+    """)
+    curve = cs.measured_curve(z, *np.transpose(rows), outside=outside, interpolation=interpolation)
+    vehicle = Vehicle({x: -Element("damper", [z], curve)(x) + sp.Symbol("w")})
+    assert file.hash == Model(vehicle, noise={"w": 1}, duration=1).hash
+
+
 def test_the_initial_state_may_be_a_mapping():
     assert undercarriage(initial={x: -h}) == undercarriage(initial=Initial(values={x: -h}))
 
@@ -216,6 +255,11 @@ def test_a_frozen_dictionary_is_a_mapping():
         (lambda: iso8608("A", gd=1), "both given"),
         (lambda: iso8608(), "neither given"),
         (lambda: shaping_filter({}), "at least one state"),
+        (lambda: cs.measured_curve(z, [0, 1], [0, 1, 2]), "their shapes are (2,) and (3,)"),
+        (lambda: cs.measured_curve(z, [0, 1, 1], [0, 1, 2]), "the same position 1 as the row before"),
+        (lambda: cs.measured_curve(z, [0, np.nan], [0, 1]), "finite numbers"),
+        (lambda: cs.measured_curve(z, [0], [0]), "a curve needs two or more"),
+        (lambda: cs.measured_curve(z, [0, 1], [0, 1], outside="stop"), "extrapolate, hold"),
         (lambda: shaping_filter({h: -h * sp.Symbol("w")}, {"w": 1}), "not linear in `h`"),
         (lambda: shaping_filter({h: -h}, {"w": 1}, h**2), "height is linear"),
         (lambda: undercarriage(ground=None), "touches no ground"),

@@ -1,4 +1,4 @@
-"""Measured curves from CSV files that stand beside the model, or row by row in it."""
+"""Measured curves: from arrays, from CSV files that stand beside the model, or row by row in it."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import sympy as sp
 from sympy.core.symbol import Str
 
@@ -25,6 +26,35 @@ INTERPOLATION = ("linear", "monotone")
 Row = tuple[sp.Rational, ...]
 
 
+def measured_curve(
+    argument: Any, positions: Any, values: Any, *, outside: str = "extrapolate", interpolation: str = "linear"
+) -> sp.Expr:
+    """A measured curve as an expression: the value of an `Element`, or of a profile along `s`.
+
+    Parameters
+    ----------
+    argument : a symbol or an expression: where the curve is read.
+    positions, values : (k,) numbers, k >= 2, the positions increasing.
+    outside : "extrapolate", the first and the last piece go on; or "hold", the first and the last value do.
+    interpolation : "linear" between the rows, or "monotone": the cubic of Fritsch and Butland.
+
+    Raises
+    ------
+    ModelError : rows missing, not finite, out of order or too many; an unknown word.
+    """
+    for key, given, known in (("outside", outside, OUTSIDE), ("interpolation", interpolation, INTERPOLATION)):
+        if given not in known:
+            raise ModelError(f"`{key}` of a measured curve is one of: {', '.join(known)}; not {given!r}")
+    columns = [np.asarray(column, dtype=float) for column in (positions, values)]
+    if columns[0].ndim != 1 or columns[0].shape != columns[1].shape:
+        shapes = " and ".join(str(column.shape) for column in columns)
+        raise ModelError(f"a measured curve is two columns of one length; their shapes are {shapes}")
+    if not all(np.isfinite(column).all() for column in columns):
+        raise ModelError("the rows of a measured curve are finite numbers; leave the others out")
+    given = [list(row) for row in zip(*(column.tolist() for column in columns), strict=True)]
+    return make_curve(sp.sympify(argument), inline_rows(given, exact), outside, interpolation)
+
+
 def make_curve(argument: sp.Expr, rows: Sequence[Row], outside: str, interpolation: str) -> Lookup:
     """A Lookup from its rows, (z, f) each."""
     knots, values = (sp.Tuple(*column) for column in zip(*rows, strict=True))
@@ -37,9 +67,7 @@ def checked_rows(rows: Sequence[Row], what: str, label: Callable[[int], str]) ->
         raise ModelError(f"{what} has {len(rows)} row{'s' if len(rows) != 1 else ''}, and a curve needs two or more")
     for k in range(1, len(rows)):
         if rows[k][0] == rows[k - 1][0]:
-            raise ModelError(
-                f"{what}, {label(k)}: the same position {_short(rows[k][0])} as the row before; keep one of them"
-            )
+            raise ModelError(f"{what}, {label(k)}: the same position {_short(rows[k][0])} as the row before; keep one of them")
         if rows[k][0] < rows[k - 1][0]:
             raise ModelError(
                 f"{what}, {label(k)}: {_short(rows[k][0])} after {_short(rows[k - 1][0])}; "
@@ -126,9 +154,7 @@ def _read(folder: Path, path: str) -> tuple[list[str], list[tuple[int, list[str]
         raise ModelError(f"{path}, line {reader.line_num}: this is not a row of a CSV file ({error})") from None
     header = lines[0][1]
     if all(_DECIMAL.fullmatch(field) for field in header):
-        raise ModelError(
-            f"{path}, line {lines[0][0]}: numbers where the header should be; name the columns in the first row"
-        )
+        raise ModelError(f"{path}, line {lines[0][0]}: numbers where the header should be; name the columns in the first row")
     if len(header) < 2:
         hint = ": separate them by commas, with a decimal point" if ";" in header[0] or "\t" in header[0] else ""
         raise ModelError(f"{path} has one column, and two are wanted{hint}")
@@ -192,16 +218,12 @@ def _factors(header: list[str], units: Sequence[str], kinds: Sequence[str], path
             known = None
         if declared is None:
             if known is not None and known != 1:
-                raise ModelError(
-                    f"{path}: the header says `{name}`, which is not SI; declare it, as units = [..., ...]"
-                )
+                raise ModelError(f"{path}: the header says `{name}`, which is not SI; declare it, as units = [..., ...]")
             factors.append(sp.S.One)
             continue
         factor = conversion(declared, kind)
         if known is not None and known != factor:
-            raise ModelError(
-                f"{path}: the header says `{name}`, and the model declares `{declared}`; correct one of them"
-            )
+            raise ModelError(f"{path}: the header says `{name}`, and the model declares `{declared}`; correct one of them")
         factors.append(factor)
     return factors
 
