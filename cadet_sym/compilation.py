@@ -12,11 +12,12 @@ import json
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from cadet_sym import cache
 from cadet_sym.delay import CHOICES
@@ -40,6 +41,11 @@ class Compiled:
     declaration: Declaration
     functions: MomentFunctions
     model: Callable[[], Model]
+
+    @cached_property
+    def declared(self) -> npt.NDArray[np.float64]:
+        """p: the declared numbers of the parameters that have one of their own."""
+        return np.array([float(self.declaration.values[name]) for name in self.functions.parameters])
 
 
 def from_file(path: Path, parameters: Mapping[str, Any], grid: Grid) -> Compiled:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
-import warnings
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
-from functools import cached_property, lru_cache, partial
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
@@ -14,20 +12,16 @@ import numpy as np
 import numpy.typing as npt
 
 from cadet_sym.compilation import Compiled, from_file, from_model
-from cadet_sym.errors import ModelError, SolverError
+from cadet_sym.errors import ModelError
 from cadet_sym.lowering.facts import Declaration
 from cadet_sym.lowering.functions import MomentFunctions
-from cadet_sym.memory import Memory
 from cadet_sym.packing import Packing
 from cadet_sym.results import MomentHistory, PeriodicMoments, Provenance
+from cadet_sym.runs import Names, Runs, named, run_all, starts_of
 from cadet_sym.solutions import StationaryMoments, StationarySolutions
 from cadet_sym.solve.breakpoints import find_breakpoints
-from cadet_sym.solve.evaluate import outputs_over, results_over
-from cadet_sym.solve.senseless import refuse_senseless
-from cadet_sym.solve.start import profile_mean, warn_of_uneven_start
-from cadet_sym.solve.transient import Start, Trajectory, check_times, integrate, integrate_ahead
-from cadet_sym.solve.wheels import present_error
-from cadet_sym.version import VERSION
+from cadet_sym.solve.start import initial_moments
+from cadet_sym.solve.transient import Start, check_times, integrate
 
 if TYPE_CHECKING:
     from cadet_sym.language.model import Model
@@ -40,9 +34,6 @@ if TYPE_CHECKING:
 __all__ = ["CompiledModel", "compile"]
 
 Array = npt.NDArray[np.float64]
-
-COARSE = 1e-2
-"""Estimated error of the grid between the wheels (conservative, by 1 to 100) above which there is a warning."""
 
 
 def compile(
@@ -134,19 +125,23 @@ class CompiledModel:
 
     def parameter_vector(self, values: Mapping[str, float] | None = None) -> Array:
         """p: the declared numbers, with `values` in their place where given."""
-        declared = self.declaration.values
-        for name in values or {}:
+        return np.array(self._parameter_vectors({name: [value] for name, value in (values or {}).items()}, 1)[0])
+
+    def _parameter_vectors(self, values: Mapping[str, npt.ArrayLike], runs: int) -> Array:
+        """P (runs, count), of samples side by side; not to be written to."""
+        if not values:
+            return self._made.declared[None]
+        p = np.repeat(self._made.declared[None], runs, axis=0)
+        for name, column in values.items():
             if name not in self.parameters:
                 known = ", ".join(self.parameters) or "none"
                 raise ModelError(f"`{name}` is not a parameter with a number of its own; those are: {known}.")
-        if any(name in self.functions.facts.integrated for name in values or {}):
-            self._validity.include(values or {})
-        known = {**declared, **values} if values else declared
-        return np.array([float(known[name]) for name in self.parameters])
-
-    @cached_property
-    def _declared_vector(self) -> Array:
-        return self.parameter_vector()
+            p[:, self.parameters.index(name)] = np.asarray(column, dtype=float)
+        if any(name in self.functions.facts.integrated for name in values):
+            for row in p.tolist():
+                own = dict(zip(self.parameters, row, strict=True))
+                self._validity.include({name: own[name] for name in values})
+        return p
 
     def initial(self, parameters: Mapping[str, float] | None = None) -> Array:
         """The packed moments at t = 0.
@@ -156,44 +151,7 @@ class CompiledModel:
         ModelError
             If the ground has no stationary state to start from, or the covariance is not positive semidefinite.
         """
-        return self._initial(self.parameter_vector(parameters)[None])[0]
-
-    def _initial(self, p: Array) -> Array:
-        """The packed moments (k, size) at t = 0 for parameters (k, count)."""
-        facts = self.functions.facts
-        if facts.whole:
-            from cadet_sym.solve.steady import steady_start
-
-            return np.array([steady_start(self.functions, each) for each in p])
-        if facts.filters and not facts.smooth:
-            self._refuse_drifting_ground(p)
-            if facts.delay is not None:
-                warn_of_uneven_start(self.functions, p)
-        (y,) = results_over(self.functions.initial, p)
-        y[:, : self.packing.n] += [profile_mean(self.functions, each) for each in p]
-        _, covariance = self.packing.unpack(y)
-        lowest = np.linalg.eigvalsh(covariance)[:, 0] if self.packing.n else np.zeros(len(p))
-        good = lowest >= -1e-9 * np.maximum(np.einsum("kii->k", covariance), 1e-300)
-        if not good.all():
-            raise ModelError(
-                f"[initial]: the covariance at the start is not positive semidefinite (smallest eigenvalue "
-                f"{lowest[~good][0]:.3g}); check [initial.covariance]: |cov(a, b)| may not exceed std(a) std(b)."
-            )
-        return y
-
-    def _refuse_drifting_ground(self, p: Array) -> None:
-        matrices = results_over(self.functions.filters, p)
-        for place, entries in zip(self.functions.facts.filters, matrices, strict=True):
-            C = entries.reshape(len(p), place.size, place.size).transpose(0, 2, 1)
-            decay = np.linalg.eigvals(C)
-            lasting = decay.real > -1e-12 * np.abs(entries).max(axis=1, initial=1e-300)[:, None]
-            if lasting.any():
-                slowest = decay[lasting][0]
-                raise ModelError(
-                    f'[initial] ground = "stationary": the ground under `{place.contact}` has no stationary height: its '
-                    f"filter has the eigenvalue {slowest:.3g} per unit of length, which does not decay (an integrated road "
-                    'wanders without bound). Start with `ground = "smooth"`, or give the road a low-frequency `cutoff`.'
-                )
+        return initial_moments(self.functions, self.parameter_vector(parameters)[None])[0]
 
     def breakpoints(self, p: Array, duration: float) -> tuple[float, ...]:
         """Times in the run at which a known input changes abruptly: the integration is restarted there."""
@@ -225,22 +183,50 @@ class CompiledModel:
         SolverError
             If the integration fails; says when, where, and what was reached. `partial` is the history up to there.
         """
-        grid = self._grid(times, duration, points)
-        start = self._start(self.parameter_vector(parameters), float(grid[-1]))
-        try:
-            trajectory = integrate(
-                self.functions,
-                start,
-                grid,
-                rtol=self.declaration.rtol if rtol is None else rtol,
-                engine=engine,
-                declared=self._declared_start(float(grid[-1])) if parameters else None,
-            )
-        except SolverError as error:
-            if isinstance(partial := error.details.get("partial"), Trajectory):
-                error.partial = error.details["partial"] = self._history(partial, start.p, {})  # type: ignore[attr-defined]
-            raise
-        return self._history(trajectory, start.p, self._wheel_error(trajectory, start.p))
+        p = self._parameter_vectors({name: [value] for name, value in (parameters or {}).items()}, 1)
+        return self._run(p, times, duration, points, rtol, engine, alike=bool(parameters))[0]
+
+    def propagate_all(
+        self,
+        values: Mapping[str, npt.ArrayLike],
+        times: npt.ArrayLike | None = None,
+        *,
+        duration: float | None = None,
+        points: int | None = None,
+        rtol: float | None = None,
+        engine: str = "auto",
+    ) -> Runs:
+        """The same for many values of parameters, side by side: to the last bit what `propagate` gives for each.
+
+        In explicit machine code all of it is one call, which leaves Python's lock to other threads.
+
+        Raises
+        ------
+        ModelError
+            Wrong times, tolerances or parameters.
+        SolverError
+            If there is nothing to start from. The error of a run that fails later is raised where its history is asked for.
+        """
+        columns = {name: np.atleast_1d(np.asarray(column, dtype=float)) for name, column in values.items()}
+        counts = {column.size for column in columns.values()}
+        if len(counts) != 1:
+            raise ModelError("runs at once need at least one parameter, and as many values of each.")
+        p = self._parameter_vectors(columns, *counts)
+        return self._run(p, times, duration, points, rtol, engine, alike=True)
+
+    def _run(
+        self,
+        p: Array,
+        times: npt.ArrayLike | None,
+        duration: float | None,
+        points: int | None,
+        rtol: float | None,
+        engine: str,
+        *,
+        alike: bool,
+    ) -> Runs:
+        grid, rtol = self._grid(times, duration, points), self.declaration.rtol if rtol is None else rtol
+        return run_all(self._made, p, grid, rtol=rtol, engine=engine, alike=alike, derivatives=self.gradient)
 
     def periodic(
         self,
@@ -273,11 +259,11 @@ class CompiledModel:
         begin = Start(self.initial(values), p, self.breakpoints(p, period) if period > 0 else ())
         cycle = find_cycle(self.functions, begin, period)
         grid = check_times(np.linspace(0.0, period, points))
-        trajectory = integrate(self.functions, Start(cycle.y, p, begin.breakpoints), grid, rtol=1e-9)
+        run = integrate(self.functions, Start(cycle.y, p, begin.breakpoints), grid, rtol=1e-9)
         more = {"newton steps": float(cycle.steps), "periods marched": float(cycle.periods)}
-        history = self._history(trajectory, p, more)
-        record = {each.name: getattr(history, each.name) for each in fields(history)}
-        record["derivatives"] = None  # those of the run are not those of the cycle
+        run = replace(run, statistics={**run.statistics, **more})
+        found = named(self._made, run, p, derivatives=None)  # those of the run are not those of the cycle
+        record = {each.name: getattr(found, each.name) for each in fields(found)}
         return PeriodicMoments(
             **record,
             period=float(period),
@@ -331,47 +317,10 @@ class CompiledModel:
             if entry < 0:
                 raise ModelError(f"`{each}` is not a state or a pair of states; those are: {', '.join(self.states)}.")
         grid = check_times([self.declaration.duration] if times is None else times)
-        find = Gradient(self.functions, partial(self._start, duration=float(grid[-1])))
+        find = Gradient(self.functions, lambda p: starts_of(self._made, p[None], float(grid[-1]))[0])
         columns = [self.parameters.index(each) for each in names]
         wanted = quantity(self.functions, name, moment)
         return find(wanted, self.parameter_vector(values), columns, entries, grid, method)
-
-    def _start(self, p: Array, duration: float) -> Start:
-        """Moments at the start and known breakpoints, remembered for the parameters last used."""
-
-        def find() -> Start:
-            self._refuse_senseless(p, duration)
-            return Start(self._initial(p[None])[0], p, self.breakpoints(p, duration))
-
-        return _starts(self, (p.tobytes(), duration), find)
-
-    def _declared_start(self, duration: float) -> Callable[[], Start] | None:
-        """The start at the declared parameters; None of a longer run than declared, in which they may make no sense."""
-        return None if duration > self.declaration.duration else lambda: self._start(self.parameter_vector(), duration)
-
-    def _refuse_senseless(self, p: Array, duration: float) -> None:
-        """Look at a run as the declared one was looked at when the model was made."""
-        if duration > self.declaration.duration or not np.array_equal(p, self._declared_vector):
-            refuse_senseless(self.functions, p, duration)
-
-    def prepare(self, parameters: Sequence[Mapping[str, float]], **run: Any) -> None:
-        """Begin runs of `propagate` that differ in their parameters, together in less time than one by one.
-
-        Nothing depends on it but the time that they take; what is wrong with one of them is said when it runs.
-        """
-        with contextlib.suppress(Exception):
-            grid = self._grid(run.get("times"), run.get("duration"), run.get("points"))
-            end = float(grid[-1])
-            vectors = np.array([self.parameter_vector(each) for each in parameters])
-            new = np.array([p for p in vectors if not _starts.knows(self, (p.tobytes(), end))])
-            for p in new:
-                self._refuse_senseless(p, end)
-            for p, y in zip(new, self._initial(new) if len(new) else (), strict=True):
-                _starts.keep(self, (p.tobytes(), end), Start(y, p, self.breakpoints(p, end)))
-            starts = [self._start(p, end) for p in vectors]
-            if (declared := self._declared_start(end)) is not None:
-                rtol, engine = run.get("rtol") or self.declaration.rtol, run.get("engine", "auto")
-                integrate_ahead(self.functions, starts, grid, rtol=rtol, engine=engine, declared=declared)
 
     def _grid(self, times: npt.ArrayLike | None, duration: float | None, points: int | None) -> Array:
         """The output times of a run."""
@@ -494,28 +443,7 @@ class CompiledModel:
 
     def provenance(self, engine: str, rtol: float, statistics: Mapping[str, float], p: Array) -> Provenance:
         """How a result of this model was obtained, at the parameters p."""
-        return Provenance(
-            engine=engine,
-            rtol=rtol,
-            statistics=statistics,
-            parameters=dict(zip(self.parameters, p.tolist(), strict=True)),
-            model_hash=self.declaration.hash,
-            version=VERSION,
-        )
-
-    def _wheel_error(self, trajectory: Trajectory, p: Array) -> dict[str, float]:
-        """Estimated error of the grid between the wheels at the end of a run; a warning if it is coarse."""
-        if self.functions.facts.delay is None:
-            return {}
-        moments = trajectory.y[-1, : self.packing.moments]
-        error = present_error(self.functions, p, moments, float(trajectory.time[-1]))
-        if error > COARSE:
-            warnings.warn(
-                f"the ground between the wheels may not be resolved (estimated error {error:.1g}); "
-                "compile the model with a finer grid, for example `cs.compile(model, grid=(8, 10))`",
-                stacklevel=3,
-            )
-        return {"wheel grid error": error}
+        return Names.of(self._made).provenance(engine, rtol, statistics, p)
 
     def export_c(
         self,
@@ -548,27 +476,6 @@ class CompiledModel:
 
         run = Run(self.parameter_vector(), self.initial(), self.declaration.duration, self.declaration.points)
         return export_c(self.functions, run, path, prefix=prefix, force=force, fmu=fmu, matlab=matlab)
-
-    def _history(self, trajectory: Trajectory, p: Array, more: Mapping[str, float]) -> MomentHistory:
-        mean, covariance = self.packing.unpack(trajectory.y)
-        output_mean, output_variance = outputs_over(self.functions, trajectory.time, trajectory.y, p)
-        for array in (mean, covariance, output_mean, output_variance):
-            array.setflags(write=False)  # they are no one else's, and need not be copied
-        return MomentHistory(
-            model=self.declaration.name,
-            states=self.states,
-            outputs=self.outputs,
-            time=trajectory.time,
-            state_mean=mean,
-            state_covariance=covariance,
-            output_mean=output_mean,
-            output_variance=output_variance,
-            provenance=self.provenance(trajectory.engine, trajectory.rtol, {**trajectory.statistics, **more}, p),
-            derivatives=self.gradient,
-        )
-
-
-_starts: Memory[Start] = Memory(128)
 
 
 @lru_cache(maxsize=16)

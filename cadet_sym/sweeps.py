@@ -29,6 +29,8 @@ from cadet_sym.language.model import Model
 from cadet_sym.language.modelfile import load
 from cadet_sym.memory import Memory
 from cadet_sym.results import MomentHistory
+from cadet_sym.runs import Run, Runs
+from cadet_sym.solve.transient import Trajectory
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -38,6 +40,7 @@ if TYPE_CHECKING:
 __all__ = ["Sweep", "sweep"]
 
 Array = npt.NDArray[np.float64]
+Place = tuple[Runs, int] | str  # where a run is, or why there is none
 
 TRIAL = 0.5
 """Seconds after which it is looked at how long the rest of a sweep would take ..."""
@@ -46,10 +49,32 @@ START_UP = 6.0
 """... and seconds of that which other processes are worth: each imports and reads the model for one or two."""
 
 CHUNK = 25
-"""Points handed over at once, at most ..."""
+"""Points handed over at once, at most: in a thread, that it seldom wants Python's lock ..."""
 
-TOGETHER = 12
-"""... and points begun together in one thread, so that it needs Python's lock for a third of the time, and seldom."""
+ROOM = 4_000_000
+"""... but no more than hold so many numbers."""
+
+
+class Histories(Sequence["MomentHistory | None"]):
+    """The runs of a sweep, each made of the numbers of many when it is asked for; None where one failed."""
+
+    def __init__(self, places: Sequence[Place]) -> None:
+        self._places = places
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    def __getitem__(self, index: Any) -> Any:
+        if isinstance(index, slice):
+            return tuple(map(_history, self._places[index]))
+        return _history(self._places[index])
+
+
+def _history(place: Place) -> MomentHistory | None:
+    if isinstance(place, str):
+        return None
+    runs, k = place
+    return runs[k]
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +85,7 @@ class Sweep:
     parameters: tuple[str, ...]
     points: Array  # (k, parameters) values at every point
     axes: tuple[Array, ...]  # values along every axis of a grid; empty for samples
-    histories: tuple[MomentHistory | None, ...]
+    histories: Sequence[MomentHistory | None]
     failures: Mapping[int, str]  # point: why there is no run
 
     def __len__(self) -> int:
@@ -73,23 +98,31 @@ class Sweep:
         """All moments in one data set: a dimension a parameter, or `sample` for samples; NaN where a run failed."""
         import xarray as xr
 
-        known = next((each for each in self.histories if each is not None), None)
-        if known is None:
+        places = [i for i in range(len(self)) if i not in self.failures]
+        if not places:
             raise SolverError(f"no point of the sweep has a result; the first failed so: {self.failures[0]}")
+        known = self.histories[places[0]]
+        assert known is not None
         parts = {
-            "mean": (("time", "state"), "state_mean"),
-            "covariance": (("time", "state", "state_2"), "state_covariance"),
-            "output_mean": (("time", "output"), "output_mean"),
-            "output_variance": (("time", "output"), "output_variance"),
+            "mean": (("time", "state"), known.state_mean),
+            "covariance": (("time", "state", "state_2"), known.state_covariance),
+            "output_mean": (("time", "output"), known.output_mean),
+            "output_variance": (("time", "output"), known.output_variance),
         }
         leading = self.parameters if self.axes else ("sample",)
         shape = tuple(len(axis) for axis in self.axes) if self.axes else (len(self.points),)
-        data = {}
-        for title, (dimensions, attribute) in parts.items():
-            nothing = np.full_like(getattr(known, attribute), np.nan)
-            rows = [nothing if each is None else getattr(each, attribute) for each in self.histories]
-            data[title] = ((*leading, *dimensions), np.stack(rows).reshape(*shape, *nothing.shape))
-        failed = np.array([each is None for each in self.histories]).reshape(shape)
+        numbers = [np.full((len(self), *one.shape), np.nan) for _, one in parts.values()]
+        for i in places:
+            each = self.histories[i]
+            assert each is not None
+            found = each.state_mean, each.state_covariance, each.output_mean, each.output_variance
+            for column, values in zip(numbers, found, strict=True):
+                column[i] = values
+        data: dict[str, Any] = {
+            title: ((*leading, *dimensions), column.reshape(*shape, *one.shape))
+            for (title, (dimensions, one)), column in zip(parts.items(), numbers, strict=True)
+        }
+        failed = np.array([i in self.failures for i in range(len(self))]).reshape(shape)
         data["failed"] = (leading, failed)
         coordinates: dict[str, Any] = {"time": known.time, "state": list(known.states), "state_2": list(known.states)}
         coordinates["output"] = list(known.outputs)
@@ -131,14 +164,11 @@ def sweep(
     model = model if isinstance(model, Model) else load(model)
     names, points, axes = _points(values, kind)
     task = _Task(model, names, run)
-    for row in points[:1]:
-        task.compiled.parameter_vector(dict(zip(names, row.tolist(), strict=True)))
-    pairs = _results(task, points, executor, workers)
-    results = dict(_shown(pairs, len(points), progress))
-    histories = [results[i] for i in range(len(points))]
-    failures = {i: each for i, each in enumerate(histories) if isinstance(each, str)}
-    kept = tuple(None if isinstance(each, str) else each for each in histories)
-    return Sweep(model.name, names, points, axes, kept, failures)
+    task.compiled.parameter_vector(dict(zip(names, points[0].tolist(), strict=True)))
+    results = dict(_shown(_results(task, points, executor, workers), len(points), progress))
+    places = [results[i] for i in range(len(points))]
+    failures = {i: each for i, each in enumerate(places) if isinstance(each, str)}
+    return Sweep(model.name, names, points, axes, Histories(places), failures)
 
 
 def _points(values: Mapping[str, Sequence[float]], kind: str) -> tuple[tuple[str, ...], Array, tuple[Array, ...]]:
@@ -180,45 +210,45 @@ class _Task:
         """What is sent to another process, which compiles for itself."""
         return {name: value for name, value in self.__dict__.items() if name != "compiled"}
 
-    def some(self, rows: Sequence[tuple[int, Array]]) -> list[tuple[int, MomentHistory | str]]:
-        """Several points, in whatever process; a numerical failure comes back as its message."""
-        values = [dict(zip(self.names, row.tolist(), strict=True)) for _, row in rows]
-        if len(rows) > 1:
-            self.compiled.prepare(values, **self.run)
-        return [(i, self._at(each)) for (i, _), each in zip(rows, values, strict=True)]
-
-    def _at(self, values: Mapping[str, float]) -> MomentHistory | str:
+    def some(self, first: int, rows: Array) -> list[tuple[int, Place]]:
+        """Several points from one on, in whatever process; a numerical failure comes back as its message."""
         try:
-            return self.compiled.propagate(parameters=values, **self.run)
-        except (SolverError, ArithmeticError) as error:
-            return f"{', '.join(f'{name} = {value:g}' for name, value in values.items())}: {error}"
+            runs = self.compiled.propagate_all(dict(zip(self.names, rows.T, strict=True)), **self.run)
+        except (SolverError, ArithmeticError) as error:  # nothing to start from
+            if len(rows) > 1:
+                return [pair for k in range(len(rows)) for pair in self.some(first + k, rows[k : k + 1])]
+            return [(first, self._message(rows[0], error))]
+        failures = {k: self._message(rows[k], error) for k, error in runs.failures.items()}
+        return [(first + k, failures.get(k, (runs, k))) for k in range(len(rows))]
+
+    def _message(self, row: Array, error: Exception) -> str:
+        return f"{', '.join(f'{name} = {value:g}' for name, value in zip(self.names, row, strict=True))}: {error}"
 
 
-def _results(
-    task: _Task, points: Array, executor: Any, workers: int | None
-) -> Iterator[tuple[int, MomentHistory | str]]:
+def _results(task: _Task, points: Array, executor: Any, workers: int | None) -> Iterator[tuple[int, Place]]:
     """The points' results with their numbers, as they come: here while that is soon done, then wherever there is room."""
-    waiting, most, threads = list(enumerate(points)), workers or os.cpu_count() or 1, False
+    done, count, most, threads, length = 0, len(points), workers or os.cpu_count() or 1, False, CHUNK
     if executor is None:
         began = perf_counter()
-        ((_, first),) = pairs = task.some(waiting[:1])  # with it, all is there that threads are to share
-        waiting = waiting[1:]
+        ((_, first),) = pairs = task.some(0, points[:1])  # with it, all is there that threads are to share
+        done = 1
         yield from pairs
-        threads = most > 1 and _leaves_the_lock(task.compiled, first)
-        while waiting and not threads and workers in (None, 1):
-            spent, done = perf_counter() - began, len(points) - len(waiting)
-            if workers is None and spent > TRIAL and spent / done * len(waiting) > START_UP:
+        if not isinstance(first, str):
+            run = first[0].found[0]
+            threads, length = most > 1 and _leaves_the_lock(task.compiled, run), _length(run)
+        while done < count and not threads and workers in (None, 1):
+            spent = perf_counter() - began
+            if workers is None and spent > TRIAL and spent / done * (count - done) > START_UP:
                 break
-            length = max(1, min(TOGETHER, int(TRIAL * done / spent)))
-            some, waiting = waiting[:length], waiting[length:]
-            yield from task.some(some)
-    if not waiting:
+            some = max(1, min(length, int(TRIAL * done / spent)))
+            yield from task.some(done, points[done : done + some])
+            done = min(done + some, count)
+    if done == count:
         return
     with _pool(executor, workers, most if threads else 0) as pool:
-        count = most * max(4, -(-len(waiting) // (most * (TOGETHER if threads else CHUNK))))  # as much for each
-        edges = [len(waiting) * k // count for k in range(count + 1)]
-        chunks = [waiting[a:b] for a, b in itertools.pairwise(edges) if a < b]
-        futures = [pool.submit(task.some, chunk) for chunk in chunks]
+        chunks = most * max(4, -(-(count - done) // (most * length)))  # as much for each
+        edges = sorted({done + (count - done) * k // chunks for k in range(chunks + 1)})
+        futures = [pool.submit(task.some, a, points[a:b]) for a, b in itertools.pairwise(edges)]
         try:
             for future in _completed(futures):
                 yield from future.result()
@@ -228,10 +258,14 @@ def _results(
             raise
 
 
-def _leaves_the_lock(compiled: CompiledModel, run: MomentHistory | str) -> bool:
+def _length(run: Run) -> int:
+    """How many runs like this one are to be handed over at once."""
+    return max(1, min(CHUNK, ROOM // max(run.y.size, 1))) if isinstance(run, Trajectory) else CHUNK
+
+
+def _leaves_the_lock(compiled: CompiledModel, run: Run) -> bool:
     """Whether runs like this one leave Python's lock to other threads, and nothing that they share is changed."""
-    machine = isinstance(run, MomentHistory) and run.provenance.engine.endswith("machine code")
-    return machine and not compiled.functions.facts.whole
+    return isinstance(run, Trajectory) and run.engine.endswith("machine code") and not compiled.functions.facts.whole
 
 
 @contextmanager

@@ -8,6 +8,7 @@ from reference_models import toml
 from scipy.integrate import solve_ivp
 
 import cadet_sym as cs
+from cadet_sym.solve.breakpoints import breakpoints_of
 
 
 def driven(force: str, duration: float = 100.0) -> cs.Model:
@@ -20,6 +21,21 @@ def driven(force: str, duration: float = 100.0) -> cs.Model:
 def found(model: cs.Model) -> tuple[float, ...]:
     compiled = cs.compile(model)
     return compiled.breakpoints(compiled.parameter_vector(), model.number(model.run.duration))
+
+
+@pytest.mark.parametrize(
+    ("name", "parameter", "values"), [("stop_and_go", "V", [8.0, 12.0, 12.0, 14.5]), ("road_class_change", "V", [5.0, 21.0])]
+)
+def test_those_of_many_runs_are_those_of_each(name, parameter, values, shipped):
+    """In time and along the ground; what a run is not told apart by makes no difference."""
+    compiled = shipped(name)
+    declared, end = compiled.parameter_vector(), compiled.declaration.duration
+    p = np.array([compiled.parameter_vector({parameter: value}) for value in values])
+    apart = [cs.compile(compiled.model).breakpoints(own, end) for own in p]
+    assert breakpoints_of(compiled.functions, p, end) == apart
+    assert apart[0] != apart[-1]
+    assert apart[0] != ()
+    assert compiled.breakpoints(declared, end) == cs.compile(compiled.model).breakpoints(declared, end)
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from cadet_sym.packing import Packing
 from cadet_sym.solve import backward, runge_kutta
 from cadet_sym.solve.breakdown import Breakdown
 from cadet_sym.solve.implicit import Inverse, PackedIndex, scaled_form
-from cadet_sym.solve.native import FEW, MANY, Native, _march, _parts
+from cadet_sym.solve.native import FEW, MANY, Native, _march_all, _rest
 from cadet_sym.solve.scales import Tolerance
 from cadet_sym.solve.stiff import Stiff, modal_arrays
 from cadet_sym.solve.tableaux import DORMAND_PRINCE, RANOCHA_3, RANOCHA_5, Pair
@@ -100,32 +100,46 @@ PAIRS = {
 @pytest.mark.parametrize("lanes", [FEW, MANY])
 @pytest.mark.parametrize("pairs", PAIRS)
 def test_steps_as_machine_code_are_those_of_python(shipped, monkeypatch, pairs, lanes):
+    """Two runs, one with an edge between the output times; what is not integrated stays."""
     monkeypatch.setattr(runge_kutta, "LANES", lanes)
     compiled = shipped("oleo_acceleration")
     functions, p = compiled.functions, compiled.parameter_vector()
-    entries, grid = len(compiled.initial()), np.array([0.5, 1.0])
-    n = -(-entries // lanes) * lanes
+    entries, grid = len(compiled.initial()), np.array([0.0, 0.5, 1.0])
+    n, whole = -(-entries // lanes) * lanes, entries + 1
     tables = np.array([pair.packed for pair in PAIRS[pairs]])
-    y = np.append(compiled.initial(), np.zeros(n - entries))
+    y, places = np.insert(compiled.initial(), 2, 7.0), np.append(np.delete(np.arange(whole), 2), 2).astype(float)
+    travel = np.array([1.0, 0.0, 1.0, 1.0, 2.0, 0.0, 0.7, 0.7, 0.7, 1.0, 1.0])
 
     def rate(clock, state, values, slope):
-        slope[:entries] = np.array(functions.rate(clock[0], state[:entries], values)).ravel()
+        slope[:entries] = np.array(functions.rate(clock[0], state[:entries], values[: len(p)])).ravel()
 
-    size, results = np.ones(n), []
-    for how in ("python", "code"):
-        state, found, report = y.copy(), np.zeros(2 * n), np.zeros(runge_kutta.REPORT)
-        work = np.zeros(runge_kutta.WORK * n + runge_kutta.HEAD)
-        vectors = (state, n, entries, p, size, 1e-7, 1e-2, 1.0, 1000, tables.ravel(), len(tables), work, found, report)
+    def run(how):
+        vectors = {
+            "y": np.array([y, y]), "p": np.array([p, p]), "size": np.ones(whole), "found": np.zeros((2, 3, whole)),
+            "work": np.zeros((runge_kutta.WORK + 1) * n + runge_kutta.HEAD + len(p) + whole),
+            "reports": np.zeros(2 * runge_kutta.REPORT),
+        }  # fmt: skip
+        own = {name: each.ravel() for name, each in vectors.items()}
+        given = (
+            2, grid, 3, own["y"], whole, places, entries, n, own["p"], len(p), own["size"], 0, 1e-7, 1e-2, travel, 1000,
+            tables.ravel(), len(tables), own["work"], own["found"], own["reports"],
+        )  # fmt: skip
         if how == "python":
-            runge_kutta.march(rate, 0.0, grid, 2, *vectors)
+            runge_kutta.march_all(rate, *given)
         else:
-            code = functions.machine("rate")
-            _march(lanes)(code.addresses["rate"], 0.0, grid.ctypes.data, 2, *(
-                v.ctypes.data if isinstance(v, np.ndarray) else v for v in vectors
-            ))  # fmt: skip
-        results.append((found, report))
-    np.testing.assert_array_equal(results[0][0], results[1][0])
-    np.testing.assert_array_equal(results[0][1], results[1][1])
+            code = functions.machine("rate").addresses["rate"]
+            _march_all(lanes)(code, *(each.ctypes.data if isinstance(each, np.ndarray) else each for each in given))
+        return vectors
+
+    python, code = run("python"), run("code")
+    for name in ("found", "y", "reports"):
+        np.testing.assert_array_equal(python[name], code[name])
+    np.testing.assert_array_equal(code["found"][:, 0], code["found"][0, :1].repeat(2, axis=0))
+    np.testing.assert_array_equal(code["found"][:, :, 2], 7.0)
+    np.testing.assert_array_equal(code["found"][:, -1], code["y"])
+    np.testing.assert_allclose(code["found"][0], code["found"][1], rtol=1e-3, atol=1e-6)
+    assert (code["found"][0, 2] != code["found"][1, 2]).any()
+    assert code["reports"].reshape(2, -1)[:, 4:].tolist() == [[3.0, 0.0], [3.0, 0.0]]
 
 
 @pytest.mark.parametrize(("pair", "order"), [(DORMAND_PRINCE, 8), (RANOCHA_5, 5), (RANOCHA_3, 3)])
@@ -160,15 +174,15 @@ def rates_of(pairs: tuple[Pair, ...], rtol: float) -> tuple[int, float]:
         signal = 1 + 0.3 * math.sin(clock[0]) * math.exp(-clock[0])
         np.ctypeslib.as_array(slope, (48,))[:] = chain @ np.ctypeslib.as_array(y, (48,)) + signal * inflow
 
-    tables, grid = np.array([pair.packed for pair in pairs]), np.array([60.0])
-    y, p, size, found, report = np.zeros(48), np.zeros(1), np.ones(48), np.zeros(48), np.zeros(runge_kutta.REPORT)
-    work = np.zeros(runge_kutta.WORK * 48 + runge_kutta.HEAD)
-    status = _march(MANY)(
-        ctypes.cast(rate, ctypes.c_void_p).value, 0.0, grid.ctypes.data, 1, y.ctypes.data, 48, 48, p.ctypes.data,
-        size.ctypes.data, rtol, 1e-2, 60.0, 100_000, tables.ctypes.data, len(tables), work.ctypes.data,
-        found.ctypes.data, report.ctypes.data,
+    tables, travel = np.array([pair.packed for pair in pairs]), np.array([1.0, 0.0, 60.0, 60.0])
+    places, p, size, y, found = np.arange(48.0), np.zeros(1), np.ones(48), np.zeros(48), np.zeros(48)
+    report, work = np.zeros(runge_kutta.REPORT), np.zeros((runge_kutta.WORK + 2) * 48 + runge_kutta.HEAD + 1)
+    _march_all(MANY)(
+        ctypes.cast(rate, ctypes.c_void_p).value, 1, travel[2:].ctypes.data, 1, y.ctypes.data, 48, places.ctypes.data, 48, 48,
+        p.ctypes.data, 1, size.ctypes.data, 0, rtol, 1e-2, travel.ctypes.data, 100_000, tables.ctypes.data, len(tables),
+        work.ctypes.data, found.ctypes.data, report.ctypes.data,
     )  # fmt: skip
-    assert status == 0
+    assert report[5] == 0
     return int(report[3]), abs(found[-1] - 1.0)
 
 
@@ -202,7 +216,10 @@ def test_errors_stay_within_the_tolerance_where_pairs_compete(shipped):
 
 
 def still_count(compiled: cs.CompiledModel) -> int:
-    return len(_parts(compiled.functions, compiled.parameter_vector(), compiled.initial())[1])
+    """How many moments are held at their start, and found to rest there."""
+    lowered, y = compiled.functions, compiled.initial()
+    rests = _rest(lowered, compiled.parameter_vector()[None], y[None])
+    return len(y) - lowered.free_entries()["free"].numel() if rests[0] else 0
 
 
 def test_stationary_ground_under_a_wheel_is_not_integrated(shipped):

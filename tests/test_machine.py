@@ -21,7 +21,7 @@ from cadet_sym.cli import main
 from cadet_sym.lowering import functions, llvm, machine, scalars
 from cadet_sym.lowering.structured import structured_rate
 from cadet_sym.solve.native import Native
-from cadet_sym.solve.transient import integrate
+from cadet_sym.solve.transient import Start, integrate
 
 OLEO = "models/oleo_acceleration.toml"
 
@@ -182,7 +182,7 @@ def test_without_llvm_everything_works(monkeypatch):
     compiled = cs.compile(OLEO)
     history = compiled.propagate(points=5)
     assert history.provenance.engine == "CVODES (BDF, direct)"
-    start = compiled._start(compiled.parameter_vector(), 10.0)
+    start = Start(compiled.initial(), compiled.parameter_vector(), compiled.breakpoints(compiled.parameter_vector(), 10.0))
     found = integrate(compiled.functions, start, np.array([5.0]), rtol=1e-8, engine="implicit")
     np.testing.assert_allclose(found.y[0, :4], compiled.propagate([5.0]).state_mean[0], rtol=1e-5, atol=1e-7)
 

@@ -124,13 +124,13 @@ def test_a_run_that_may_have_been_misled_is_run_again_and_a_difference_is_told(m
 
     def off_by_a_little(*given):
         found = march(*given)
-        marched.append(found)
+        marched.append(given[4])
         return found._replace(y=found.y * (1 + 1e-4 * len(marched)))
 
     monkeypatch.setattr(transient, "march", off_by_a_little)
     with pytest.warns(RuntimeWarning, match="friction holds the system"):
         compiled.propagate(times, rtol=1e-8, engine="direct")
-    assert marched[-1].engine.tolerance.relative < 0.1 * marched[-2].engine.tolerance.relative
+    assert marched[-1].relative < 0.1 * marched[-2].relative
 
 
 ELEMENTS = {

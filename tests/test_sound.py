@@ -54,7 +54,7 @@ def test_who_is_found_sound_is_judged_sound_without_machine_code(seed, n, rows, 
             seed % 3 == 0
         ]
     judged = fits(size, y, packing) and not lost(y, packing).any()
-    found = sound.is_sound(y, packing, size)
+    (found,) = sound.are_sound(y[None], packing, size[None])
     assert not found or judged
     if what == "whole":
         assert found
@@ -68,7 +68,7 @@ def test_no_number_is_not_sound():
     for place in range(y.shape[1]):
         broken = y.copy()
         broken[2, place] = np.nan
-        assert not sound.is_sound(broken, packing, size)
+        assert sound.are_sound(np.array([y, broken, y]), packing, size) == [True, False, True]
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)

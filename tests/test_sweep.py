@@ -114,15 +114,31 @@ def test_threads_keep_each_to_its_own_engine_and_failure():
     assert sys.stdout is before
 
 
-def test_points_got_ready_together_are_those_got_ready_alone():
-    values = [{"k": k, "e": e} for k in (2.0, 9.0, 400.0) for e in (0.0, 0.5)]
-    together, alone = (cs.compile(toml(MODEL)) for _ in range(2))
-    together.prepare([{"k": float("nan")}, {"q": 1.0}])  # said when it runs
-    together.prepare(values, rtol=1e-7)
-    for each in values:
-        one, other = (compiled.propagate(parameters=each, rtol=1e-7) for compiled in (together, alone))
-        assert one.provenance.engine == other.provenance.engine
-        np.testing.assert_array_equal(one.state_covariance, other.state_covariance)
+def test_runs_at_once_are_those_of_each_alone():
+    """Stiff ones, some that are not, and one that overflows; times that begin later."""
+    compiled = cs.compile(toml(MODEL.replace("0.4*v", "d*v").replace("e = 0.1", "e = 0.1\nd = 0.4")))
+    values = {"d": [0.4, 0.5, 1e5, 0.4, 2e5], "e": [0.0, 0.5, 0.1, -50.0, 0.1]}
+    runs = compiled.propagate_all(values, [0.5, 1.0, 4.0], rtol=1e-7)
+    assert list(runs.failures) == [3]
+    with pytest.raises(cs.SolverError) as caught:
+        runs[3]
+    assert len(caught.value.details["partial"].time) < 3
+    engines = set()
+    for i in (0, 1, 2, 4):
+        own = {name: column[i] for name, column in values.items()}
+        alone = compiled.propagate([0.5, 1.0, 4.0], rtol=1e-7, parameters=own)
+        engines.add(alone.provenance.engine)
+        assert runs[i].provenance.engine == alone.provenance.engine
+        assert runs[i].provenance.parameters == alone.provenance.parameters
+        assert runs[i].provenance.statistics["steps"] == alone.provenance.statistics["steps"]
+        for moment in ("time", "state_mean", "state_covariance", "output_mean", "output_variance"):
+            np.testing.assert_array_equal(getattr(runs[i], moment), getattr(alone, moment))
+    assert len(engines) > 1
+
+
+def test_runs_at_once_need_as_many_values_of_each_parameter():
+    with pytest.raises(ModelError, match="as many"):
+        cs.compile(toml(MODEL)).propagate_all({"k": [1.0, 2.0], "e": [0.1, 0.2, 0.3]})
 
 
 def test_samples_and_an_executor_of_ones_own():
@@ -145,15 +161,17 @@ def test_a_point_that_fails_is_kept_as_such():
 def test_a_sweep_that_is_stopped_begins_no_more_points(monkeypatch):
     begun = []
 
-    def interrupted(task, values):
-        begun.append(values)
+    some = sweeps._Task.some
+
+    def interrupted(task, first, rows):
+        begun.append(first)
         if len(begun) > 1:
             raise KeyboardInterrupt
-        return task.compiled.propagate(parameters=values)
+        return some(task, first, rows)
 
-    monkeypatch.setattr(sweeps._Task, "_at", interrupted)
+    monkeypatch.setattr(sweeps._Task, "some", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        sweep(toml(MODEL), {"k": np.linspace(2.0, 9.0, 200)}, workers=2, progress=False)
+        sweep(toml(MODEL), {"k": np.linspace(2.0, 9.0, 2000)}, workers=2, progress=False)
     assert len(begun) < 20
 
 

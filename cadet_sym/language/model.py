@@ -210,8 +210,8 @@ class Model:
                 raise error.placed(table="parameters", key=name) from None
             changed[name] = Parameter(expr, changed[name].unit, changed[name].text)
         made = copy.copy(self)
-        made.__dict__.pop("_values", None)
-        made.__dict__.pop("hash", None)
+        for known in ("_values", "_contents", "hash"):
+            made.__dict__.pop(known, None)
         set_field(made, "parameters", FrozenDict(changed))
         check.parameters(made)
         sense.values(made)
@@ -224,10 +224,16 @@ class Model:
 
     def content(self, *, numbers: bool) -> str:
         """Text of all that its equations follow from, in the order declared; with the parameters' numbers or without."""
-        values = {name: p.value for name, p in self.parameters.items() if numbers or p.value.free_symbols}
-        parts = (self.vehicle, self.ground, self.travel, self.noise, self.initial)
-        own = (tuple(self.parameters), values, self.run if numbers else None)
-        return "\n".join(_content(part, ordered=True) for part in (*parts, *own))
+        if numbers not in self._contents:
+            values = {name: p.value for name, p in self.parameters.items() if numbers or p.value.free_symbols}
+            parts = (self.vehicle, self.ground, self.travel, self.noise, self.initial)
+            own = (tuple(self.parameters), values, self.run if numbers else None)
+            self._contents[numbers] = "\n".join(_content(part, ordered=True) for part in (*parts, *own))
+        return self._contents[numbers]
+
+    @cached_property
+    def _contents(self) -> dict[bool, str]:
+        return {}
 
     def to_toml(self) -> str:
         """The model as the text of a model file; loading it gives an equal model."""

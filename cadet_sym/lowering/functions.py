@@ -16,7 +16,7 @@ import casadi as ca
 from cadet_sym.cache import Shelf
 from cadet_sym.lowering.carried import WIDEST, carried_code, head
 from cadet_sym.lowering.facts import Facts
-from cadet_sym.lowering.llvm import intermediate, repeated
+from cadet_sym.lowering.llvm import intermediate
 from cadet_sym.lowering.machine import MachineCode, available, machine_code
 from cadet_sym.lowering.operations import size
 from cadet_sym.lowering.structured import structured_rate
@@ -117,7 +117,7 @@ class MomentFunctions:
         return self._machine[name]
 
     def machine_outputs(self, times: int) -> MachineCode | None:
-        """`outputs_over` so many times as machine code, once that pays; its numbers are those of `outputs`."""
+        """`outputs` as machine code, once that pays; to be evaluated so many times."""
         self._outputs_asked_for += times
         return self.machine("outputs") if self._outputs_asked_for > PAYS else None
 
@@ -126,17 +126,13 @@ class MomentFunctions:
             return None
         if name == "rate" and self.large:
             return structured_rate(self.ingredients, self._shelf)
-        over = name == "outputs"
-        loops = not over and self.facts.delay is not None and self.facts.delay.rows <= WIDEST
+        loops = name != "outputs" and self.facts.delay is not None and self.facts.delay.rows <= WIDEST
         function = getattr(self, f"{name}_head" if loops else name)
         if (count := size(function)) > (LARGEST if self.jit else LARGE):
             return None
         thorough = self.jit or count <= SMALL
         with contextlib.suppress(ValueError):  # an operation that only CasADi knows
-            if over:
-                text, name = repeated(function, name), f"{name}_over"
-            else:
-                text = carried_code(self, function, name) if loops else intermediate(function, name)
+            text = carried_code(self, function, name) if loops else intermediate(function, name)
             return machine_code(text, name, shelf=self._shelf, effort=int(thorough))
         return None
 

@@ -31,7 +31,7 @@ from cadet_sym.lowering.machine import MachineCode, machine_code
 __all__ = ["Function", "Vector", "isfinite", "kernel", "kernel_text", "part", "sqrt"]
 
 Vector = npt.NDArray[np.float64]
-Function = Callable[[Vector, Vector, Vector, Vector], None]
+Function = Callable[..., None]
 
 TYPES = {"float": "double", "int": "i64", "Vector": "ptr", "Function": "ptr"}
 

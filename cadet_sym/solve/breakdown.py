@@ -11,7 +11,7 @@ from cadet_sym.errors import SolverError
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.solve.evaluate import gains
 
-__all__ = ["Breakdown", "explain", "moment_name"]
+__all__ = ["Breakdown", "explain", "moment_name", "settled"]
 
 Array = npt.NDArray[np.float64]
 
@@ -24,6 +24,19 @@ class Breakdown(Exception):  # noqa: N818 - an event that the caller handles; us
     ) -> None:
         super().__init__(reason)
         self.reason, self.found, self.time, self.y = reason, found, time, y
+
+
+REASONS = {1: "It took too many steps.", 2: "Its steps shrink to nothing.", 3: "The result is not finite."}
+"""Why machine code gives a run up, by what it returns then."""
+
+
+def settled(found: Array, status: int, known: int, time: float, y: Array) -> Array:
+    """What machine code found (k, size), or Breakdown: with the rows known, and the last time and moments."""
+    if status:
+        raise Breakdown(REASONS[status], found[:known], time, y)
+    if not np.isfinite(found).all():
+        raise Breakdown(REASONS[3])
+    return found
 
 
 def explain(

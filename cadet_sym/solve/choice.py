@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.solve.course import Start, edges
 from cadet_sym.solve.evaluate import gains_over
-from cadet_sym.solve.native import has_machine_code
+from cadet_sym.solve.native import has_machine_code, have_machine_code
 from cadet_sym.solve.stiff import MANY_STATES
 
 __all__ = ["Modes", "choose", "compiles", "modes"]
@@ -44,16 +46,25 @@ SWINGING = 20_000.0
 """... and largest frequency: what swings and hardly decays keeps the steps of implicit formulas short as well."""
 
 
-def choose(lowered: MomentFunctions, start: Start, grid: Array, found: Modes) -> str:
-    """The engine for a run, of which the modes are known.
+def choose(lowered: MomentFunctions, starts: Sequence[Start], grid: Array, found: Modes) -> list[str]:
+    """The engines for runs, of which the modes (runs, m) are known.
 
     Machine code where there is any: explicit while steps are limited by accuracy, for the frequencies of P are sums of two
     of N's. Else CVODES, direct while small.
     """
+    fastest = np.abs(found).max(axis=1, initial=0.0)
+    quick = fastest <= (QUICK if lowered.facts.delay is None else QUICK_DELAYED)
+    if quick.any():
+        quick &= have_machine_code(lowered, *(np.array(part) for part in zip(*((s.p, s.y) for s in starts), strict=True)))
+    return [
+        "native" if each else _implicit_or_casadis(lowered, start, grid, own)
+        for each, start, own in zip(quick.tolist(), starts, found, strict=True)
+    ]
+
+
+def _implicit_or_casadis(lowered: MomentFunctions, start: Start, grid: Array, found: Modes) -> str:
     packing, delayed = lowered.facts.packing, lowered.facts.delay is not None
     fastest = np.abs(found).max(initial=0.0)
-    if fastest <= (QUICK_DELAYED if delayed else QUICK) and compiles(lowered, start, "native"):
-        return "native"
     if np.isfinite(fastest) and compiles(lowered, start, "stiff"):
         return "stiff"
     few = len(edges(start, grid)) - 1 <= FEW

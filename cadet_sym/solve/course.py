@@ -7,7 +7,7 @@ restarted there, for no integrator sees an input that is shorter than its step.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from threading import RLock
@@ -20,12 +20,12 @@ from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.solve.breakdown import Breakdown, explain
 from cadet_sym.solve.cvodes import Direct
 from cadet_sym.solve.krylov import Stepping
-from cadet_sym.solve.native import Native, integrate_together
+from cadet_sym.solve.native import Native
 from cadet_sym.solve.onset import onset
 from cadet_sym.solve.scales import Tolerance
 from cadet_sym.solve.stiff import Stiff
 
-__all__ = ["ENGINES", "Engine", "Start", "Trajectory", "edges", "march", "march_ahead"]
+__all__ = ["ENGINES", "Engine", "March", "Start", "Trajectory", "edges", "march"]
 
 Array = npt.NDArray[np.float64]
 
@@ -59,11 +59,13 @@ class Start:
 
 
 class March(NamedTuple):
-    """Moments (k, size) at the times of a run, by which engine, and whether it set out from gains that may have misled it."""
+    """A run that was integrated."""
 
-    y: Array
-    engine: Engine
-    doubtful: bool
+    y: Array  # (k, size) moments at the times asked for
+    engine: str  # by its name
+    steps: int  # or how much work it was
+    doubtful: bool  # whether it set out from gains that may have misled it
+    sound: bool = False  # whether it was looked over, and all was well
 
 
 class Engine(Protocol):
@@ -96,19 +98,13 @@ def edges(start: Start, grid: Array) -> list[float]:
 
 
 def march(
-    lowered: MomentFunctions,
-    start: Start,
-    grid: Array,
-    kind: str,
-    tolerance: Tolerance,
-    asked: float | None = None,
-    engine: Engine | None = None,
+    lowered: MomentFunctions, start: Start, grid: Array, kind: str, tolerance: Tolerance, asked: float | None = None
 ) -> March:
-    """Integrate stretch by stretch; the engine may be given.
+    """Integrate stretch by stretch.
 
     A breakdown leaves as it is, or, where the tolerance asked for is given, explained to the user.
     """
-    engine = engine or _engine(lowered, start.p, kind, tolerance)
+    engine = _engine(lowered, start.p, kind, tolerance)
     y, found, known, doubtful = start.y, np.empty((len(grid), len(start.y))), 0, False
     if grid[0] == 0:
         found[0], known = start.y, 1
@@ -117,7 +113,7 @@ def march(
             continue
         last = int(grid.searchsorted(end, side="right"))
         inside = grid[known:last]
-        stretch = _stretch(inside, end)
+        stretch = inside if inside.size and inside[-1] == end else np.append(inside, end)
         try:
             values, honest = _advance(engine, begin, y, stretch)
         except Breakdown as breakdown:
@@ -129,25 +125,7 @@ def march(
             raise explain(lowered, start.p, breakdown, begin, y, partial) from None
         found[known:last], known = values[: inside.size], last
         y, doubtful = values[-1], doubtful or not honest
-    return March(found, engine, doubtful)
-
-
-def _stretch(inside: Array, end: float) -> Array:
-    """The output times of a stretch, and its end."""
-    return inside if inside.size and inside[-1] == end else np.append(inside, end)
-
-
-def march_ahead(
-    lowered: MomentFunctions, starts: Sequence[Start], grid: Array, tolerances: Sequence[Tolerance]
-) -> list[Native]:
-    """Engines in machine code for many runs, which have integrated the first stretch of each, all together."""
-    runs = []
-    for start, tolerance in zip(starts, tolerances, strict=True):
-        begin, end, *_ = edges(start, grid)
-        inside = grid[int(grid[0] == 0) : int(grid.searchsorted(end, side="right"))]
-        runs.append((Native(lowered, start.p, tolerance), begin, start.y, _stretch(inside, end)))
-    integrate_together(runs)
-    return [engine for engine, *_ in runs]
+    return March(found, engine.name, engine.steps, doubtful)
 
 
 def _engine(lowered: MomentFunctions, p: Array, kind: str, tolerance: Tolerance) -> Engine:

@@ -13,10 +13,11 @@ import numpy as np
 import numpy.typing as npt
 
 from cadet_sym.lowering.functions import MomentFunctions
-from cadet_sym.lowering.machine import address
-from cadet_sym.memory import Memory
 
-__all__ = ["HUGE", "Gains", "Rate", "behind", "gains", "gains_over", "give", "outputs_over", "results", "results_over", "take"]
+__all__ = [
+    "HUGE", "Gains", "Rate", "behind", "depends_on", "gains", "gains_over", "give", "results", "results_over", "results_shared",
+    "take",
+]  # fmt: skip
 
 Array = npt.NDArray[np.float64]
 Places = npt.NDArray[np.intp]
@@ -60,6 +61,16 @@ def results_over(function: ca.Function, *arguments: Array) -> list[Array]:
     k = len(arguments[0])
     mapped = _mapped(function, k, ())
     return [result.reshape(k, -1) for result in results(mapped, *map(np.ascontiguousarray, arguments))]
+
+
+def results_shared(function: ca.Function, k: int, *arguments: Array) -> list[Array]:
+    """The same at k places, which share the last argument."""
+    return [result.reshape(k, -1) for result in results(_mapped(function, k, (len(arguments) - 1,)), *arguments)]
+
+
+def depends_on(*dependences: ca.Sparsity) -> Places:
+    """Entries of an argument on which results depend, from the patterns of their derivatives."""
+    return np.unique(np.concatenate([np.array(each.get_col(), dtype=np.intp) for each in dependences]))
 
 
 @lru_cache(maxsize=256)
@@ -177,22 +188,3 @@ def gains_over(lowered: MomentFunctions, time: Array, y: Array, p: Array) -> Arr
     context = np.stack([time, y[:, packing.moments] if packing.distance else s, V, dV], axis=1)
     (N,) = results_over(lowered.gain_matrix, y[:, : packing.moments], context, p)
     return N.reshape(-1, packing.n, packing.n).transpose(0, 2, 1)
-
-
-def outputs_over(lowered: MomentFunctions, time: Array, y: Array, p: Array) -> tuple[Array, Array]:
-    """Means and variances (k, m) of the outputs at all times (k,), from the packed moments (k, size) there."""
-    shape = len(time), len(lowered.facts.outputs)
-    if 0 in shape:
-        return np.empty(shape), np.empty(shape)
-    inputs = [np.ascontiguousarray(part, dtype=float) for part in (time, y, p)]
-    if (code := lowered.machine_outputs(len(time))) is not None:
-        types = ctypes.c_int64, *[ctypes.c_void_p] * 5
-        run = _runs(lowered, "outputs", lambda: code.function("outputs_over", *types))
-        mean, variance = np.empty(shape), np.empty(shape)
-        run(len(time), *map(address, (*inputs, mean, variance)))
-        return mean, variance
-    mean, variance = results(_mapped(lowered.outputs, len(time), (2,)), *inputs)
-    return mean.reshape(shape), variance.reshape(shape)
-
-
-_runs: Memory[Callable[..., None]] = Memory()

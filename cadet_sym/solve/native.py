@@ -6,24 +6,27 @@ Moments that stay as they are at the start are left out (see `lowering.held`).
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any
+from itertools import pairwise
+from math import nextafter
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.lowering.kernel import kernel
-from cadet_sym.lowering.machine import MachineCode, address, available, in_turn
+from cadet_sym.lowering.machine import MachineCode, address, available
 from cadet_sym.memory import Memory
-from cadet_sym.solve.breakdown import Breakdown
-from cadet_sym.solve.runge_kutta import HEAD, PROCEDURES, REPORT, STALLED, WORK
+from cadet_sym.solve.breakdown import settled
+from cadet_sym.solve.evaluate import results_over
+from cadet_sym.solve.runge_kutta import HEAD, PROCEDURES, REPORT, WORK
 from cadet_sym.solve.scales import Tolerance
 from cadet_sym.solve.tableaux import DORMAND_PRINCE, RANOCHA_3, RANOCHA_5, Pair
 
-__all__ = ["Native", "has_machine_code", "integrate_together", "prepare"]
+__all__ = ["Marched", "Native", "has_machine_code", "have_machine_code", "march_all", "method", "prepare"]
 
 Array = npt.NDArray[np.float64]
 Places = npt.NDArray[np.intp]
@@ -38,120 +41,152 @@ RESTS = 1e-10
 """A rate below this share of its own terms is zero."""
 
 
-@dataclass
-class Call:
-    """A call of the integrator, and the memory that it reads and writes."""
+class Marched(NamedTuple):
+    """Runs through the same output times (k,)."""
 
-    lanes: int
-    arguments: tuple[float, ...]
-    _alive: tuple[object, ...]
-    y: Array  # packed moments at the start, of which those at `free` are integrated
-    free: Places
-    held: Places
-    times: Array
-    x: Array  # where it arrived
-    values: Array  # (k, free)
-    report: Array
-    status: int | None = None  # what was returned, if it was made
+    y: Array  # (runs, k, size) packed moments; of a run that was given up, as far as it came
+    time: Array  # (runs,) where each arrived
+    here: Array  # (runs, size) with these moments
+    steps: Array  # (runs,)
+    known: Array  # (runs,) output times that were reached
+    status: Array  # (runs,) 0, or why a run was given up
 
 
 @dataclass
 class Native:
-    """The moment equations of one run under the pair of order 8 of Dormand and Prince.
-
-    Where wheels follow each other, stability limits the steps: on the way from wheel to wheel values decay fast. Pairs that
-    are stable for longer then compete with it (see `runge_kutta`).
-    """
+    """The moment equations of one run under the pair of order 8 of Dormand and Prince, or those of `method`."""
 
     lowered: MomentFunctions
     p: Array
     tolerance: Tolerance
     steps: int = field(default=0, init=False)
-    pairs: tuple[Pair, ...] = field(default=(DORMAND_PRINCE,), init=False)
-    ahead: Call | None = field(default=None, init=False)  # made for the first stretch
     name = "Runge-Kutta 8(5,3), machine code"
     stiff = False
 
     def __post_init__(self) -> None:
-        if self.lowered.facts.delay is not None:
-            self.pairs = DORMAND_PRINCE, RANOCHA_5, RANOCHA_3
-            self.name = f"Runge-Kutta {', '.join(pair.name for pair in self.pairs)}, machine code"
+        self.name = method(self.lowered)
 
     def advance(self, begin: float, y: Array, grid: Array) -> Array:
         """Packed moments (k, size) at the times of the grid, from y at `begin`."""
-        call, self.ahead = self.ahead or self.call(begin, y, grid), None
-        status = _march(call.lanes)(*call.arguments) if call.status is None else call.status
-        return self._found(call, status)
-
-    def call(self, begin: float, y: Array, grid: Array) -> Call:
-        """The call of the integrator for a stretch, to be made now or together with others."""
-        free, held = _parts(self.lowered, self.p, y)
-        rate, which = _rate(self.lowered, held)
-        assert rate is not None, "chosen only where there is machine code"
-        tables = np.array([pair.packed for pair in self.pairs])
-        n, report = len(free), np.zeros(REPORT)
-        lanes = FEW if n < LONG else MANY
-        x, size = _padded(y[free], lanes, 0.0), _padded(self.tolerance.size[free], lanes, 1.0)
-        values, work = np.empty((len(grid), len(x))), _zeros(WORK * len(x) + HEAD)
-        times, given = np.ascontiguousarray(grid, dtype=float), np.concatenate([self.p, y[held]])
-        arguments = (
-            rate.addresses[which], begin, address(times), len(times), address(x), len(x), n, address(given),
-            address(size), self.tolerance.relative, self.tolerance.absolute, float(np.nextafter(times[-1], begin)),
-            self.tolerance.steps, address(tables), len(tables), address(work), address(values), address(report),
-        )  # fmt: skip
-        return Call(lanes, arguments, (rate, given, size, tables, work), y, free, held, times, x[:n], values[:, :n], report)
-
-    def _found(self, call: Call, status: int) -> Array:
-        values, report, held = call.values, call.report, call.held
-        self.steps += int(report[1])
-        found = values if not len(held) else np.repeat(call.y[None], len(values), axis=0)
-        if len(held):
-            found[:, call.free] = values
-        if status:
-            here = call.y.copy()
-            here[call.free] = call.x
-            reached = int(np.searchsorted(call.times, report[0], side="right"))
-            reason = "Its steps shrink to nothing." if status == STALLED else "It took too many steps."
-            raise Breakdown(reason, found[:reached], float(report[0]), here)
-        if not np.isfinite(values).all():
-            raise Breakdown("the result is not finite")
-        return found
+        run = march_all(self.lowered, self.p[None], y[None], [(begin, float(grid[-1]))], grid, self.tolerance)
+        self.steps += int(run.steps[0])
+        return settled(run.y[0], int(run.status[0]), int(run.known[0]), float(run.time[0]), run.here[0])
 
 
-def integrate_together(runs: Sequence[tuple[Native, float, Array, Array]]) -> None:
-    """Integrate the first stretch of many runs (engine, begin, y, grid) while Python's lock is left to others only once."""
-    calls = [engine.call(begin, y, grid) for engine, begin, y, grid in runs]
-    for lanes in {call.lanes for call in calls}:
-        same = [call for call in calls if call.lanes == lanes]
-        for call, status in zip(same, in_turn(_march(lanes), [call.arguments for call in same]), strict=True):
-            call.status = status
-    for (engine, *_), call in zip(runs, calls, strict=True):
-        engine.ahead = call
+def march_all(
+    lowered: MomentFunctions, p: Array, y: Array, edges: Sequence[Sequence[float]], grid: Array, tolerance: Tolerance
+) -> Marched:
+    """Carry runs that differ in their parameters (runs, count) from y (runs, size) through the times of the grid.
+
+    Python's lock is left to other threads once, for all of it.
+
+    Parameters
+    ----------
+    edges : of every run, the times at which its stretches begin, and the end of the last.
+    tolerance : with sizes (size,) or (runs, size).
+    """
+    rests = _rest(lowered, p, y)
+    if rests.any() and not rests.all():
+        groups = [np.flatnonzero(rests), np.flatnonzero(~rests)]
+        parts = [march_all(lowered, p[k], y[k], [edges[i] for i in k.tolist()], grid, tolerance.of(k)) for k in groups]
+        order = np.argsort(np.concatenate(groups))
+        return Marched(*(np.concatenate(pair)[order] for pair in zip(*parts, strict=True)))
+    made, (runs, whole), k = _made(lowered, bool(rests[0])), y.shape, len(grid)
+    assert made.rate, "chosen only where there is machine code"
+    travel = np.array([number for times in edges for number in _travel(times)])
+    p, here, grid = np.ascontiguousarray(p), y.copy(), np.ascontiguousarray(grid, dtype=float)
+    size, found, reports = np.ascontiguousarray(tolerance.size), np.empty((runs, k, whole)), np.zeros((runs, REPORT))
+    work = _zeros((WORK + 1) * made.n + HEAD + p.shape[1] + whole)
+    _march_all(made.lanes)(
+        made.rate, runs, address(grid), k, address(here), whole, made.places, made.entries, made.n, address(p), p.shape[1],
+        address(size), whole * (size.ndim - 1), tolerance.relative, tolerance.absolute, address(travel), tolerance.steps,
+        *made.tables, address(work), address(found), address(reports),
+    )  # fmt: skip
+    time, steps, _, _, known, status = reports.T
+    return Marched(found, time, here, steps, known, status)
+
+
+def _travel(edges: Sequence[float]) -> Iterator[float]:
+    """The stretches of a run as the integrator takes them."""
+    yield len(edges) - 1
+    for begin, end in pairwise(edges):
+        yield from (begin, end, nextafter(end, begin))
+
+
+@dataclass(frozen=True)
+class _Made:
+    """What the integrator takes of a model: where its machine code and tables are."""
+
+    rate: int  # 0 if there is none
+    entries: int  # that move
+    lanes: int
+    n: int  # entries, and as many more as fill the last lanes
+    places: int
+    tables: tuple[int, int]  # where they are, and how many
+    alive: tuple[Any, ...]
+
+
+_ready: Memory[_Made] = Memory()
+
+
+def _made(lowered: MomentFunctions, rests: bool) -> _Made:
+    def make() -> _Made:
+        code, name = _rate(lowered, rests)
+        every = np.arange(lowered.facts.packing.size)
+        free, held = _free_and_held(lowered) if rests else (every, every[:0])
+        lanes = FEW if len(free) < LONG else MANY
+        places, tables = np.concatenate([free, held]).astype(float), np.array([pair.packed for pair in _pairs(lowered)])
+        at, n = (address(tables), len(tables)), -(-len(free) // lanes) * lanes
+        rate = 0 if code is None else code.addresses[name]
+        return _Made(rate, len(free), lanes, n, address(places), at, (code, places, tables))
+
+    return _ready(lowered, (rests, lowered.jit), make)
+
+
+def method(lowered: MomentFunctions) -> str:
+    """The formulas by which runs are integrated, by their names.
+
+    Where wheels follow each other, stability limits the steps: on the way from wheel to wheel values decay fast. Pairs that
+    are stable for longer then compete with the one of order 8 (see `runge_kutta`).
+    """
+    return f"Runge-Kutta {', '.join(pair.name for pair in _pairs(lowered))}, machine code"
+
+
+def _pairs(lowered: MomentFunctions) -> tuple[Pair, ...]:
+    return (DORMAND_PRINCE,) if lowered.facts.delay is None else (DORMAND_PRINCE, RANOCHA_5, RANOCHA_3)
+
+
+def have_machine_code(lowered: MomentFunctions, p: Array, y: Array) -> npt.NDArray[np.bool_]:
+    """Whether runs with parameters (runs, count) from y (runs, size) can be integrated so, (runs,)."""
+    rests = _rest(lowered, p, y)
+    there = {kind: _rate(lowered, kind)[0] is not None for kind in set(rests.tolist())}
+    return np.where(rests, there.get(True, False), there.get(False, False))
 
 
 def has_machine_code(lowered: MomentFunctions, p: Array, y: Array) -> bool:
     """Whether a run from y can be integrated so."""
-    return _rate(lowered, _parts(lowered, p, y)[1])[0] is not None
+    return bool(have_machine_code(lowered, p[None], y[None])[0])
 
 
-def _rate(lowered: MomentFunctions, held: Places) -> tuple[MachineCode | None, str]:
-    name = "free_rate" if len(held) else "rate"
+def _rate(lowered: MomentFunctions, rests: bool) -> tuple[MachineCode | None, str]:
+    name = "free_rate" if rests else "rate"
     return lowered.machine(name), name
 
 
 def prepare() -> None:
     """Make the integrator, or read it from the cache: what a run needs that does not depend on the model."""
     if available():
-        _march(FEW)
+        _march_all(FEW)
 
 
 @cache
-def _march(lanes: int) -> Any:
+def _march_all(lanes: int) -> Any:
     """The integrator; the same machine code for all models."""
     vector, number, integer = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
-    state = (vector, integer, integer, vector, vector)
-    types = (vector, number, vector, integer, *state, number, number, number, integer, vector, integer)
-    return kernel(*PROCEDURES, lanes=lanes).function("march", *types, vector, vector, vector, returns=integer)
+    runs = (vector, integer, vector, integer, vector, integer, vector, integer, integer)
+    tolerance = (vector, integer, vector, integer, number, number)
+    rest = (vector, integer, vector, integer, vector, vector, vector)
+    return kernel(*PROCEDURES, lanes=lanes).function("march_all", *runs, *tolerance, *rest, returns=integer)
 
 
 def _zeros(count: int) -> Array:
@@ -161,40 +196,39 @@ def _zeros(count: int) -> Array:
     return room[first : first + count]
 
 
-def _padded(values: Array, lanes: int, rest: float) -> Array:
-    """Values, and as many more as fill the last lanes."""
-    vector = _zeros(-(-len(values) // lanes) * lanes)
-    vector[: len(values)] = values
-    vector[len(values) :] = rest
-    return vector
-
-
 _places: Memory[tuple[Places, Places]] = Memory()
-_resting: Memory[bool] = Memory()
+_resting: Memory[npt.NDArray[np.bool_]] = Memory()
 
 
-def _parts(lowered: MomentFunctions, p: Array, y: Array) -> tuple[Places, Places]:
-    """The packed moments that have to be integrated from y on, and those that stay."""
-    free, held = _places(lowered, "", lambda: _free_and_held(lowered, len(y)))
+def _rest(lowered: MomentFunctions, p: Array, y: Array) -> npt.NDArray[np.bool_]:
+    """Of which runs the moments that may be held, `_free_and_held`, stay as they are, (runs,)."""
+    held = _free_and_held(lowered)[1]
     if not len(held):
-        return free, held
-    rests = _resting(lowered, p.tobytes() + y[held].tobytes(), lambda: _rest(lowered, p, y, held))
-    return (free, held) if rests else (np.arange(len(y)), held[:0])
+        return np.zeros(len(y), dtype=bool)
+    if len(y) > 1:
+        return _look(lowered, p, y, held)
+    return _resting(lowered, p.tobytes() + y.take(held, axis=1).tobytes(), lambda: _look(lowered, p, y, held))
 
 
-def _free_and_held(lowered: MomentFunctions, size: int) -> tuple[Places, Places]:
-    every = np.arange(size)
-    # of a large model, the few that stay do not pay for a rate of its own
-    free = every if lowered.large else np.array(lowered.free_entries()["free"], dtype=np.intp).ravel()
-    return free, np.delete(every, free)
-
-
-def _rest(lowered: MomentFunctions, p: Array, y: Array, held: Places) -> bool:
+def _look(lowered: MomentFunctions, p: Array, y: Array, held: Places) -> npt.NDArray[np.bool_]:
     """Whether the rates of the held moments, which depend on them and the speed alone, vanish at any speed."""
-    nothing = y.copy()
-    nothing[held] = 0.0
+    nothing, zero = y.copy(), np.zeros(len(y))
+    nothing[:, held] = 0.0
+    rests = np.ones(len(y), dtype=bool)
     for speed in (1.0, 2.7):
-        found, forced = (np.asarray(lowered.held_rate(0, 0, speed, at, p)).ravel()[held] for at in (y, nothing))
-        if not np.abs(found).max() <= RESTS * np.abs(forced).max():
-            return False
-    return True
+        at = zero, zero, np.full(len(y), speed)
+        found, forced = (results_over(lowered.held_rate, *at, each, p)[0][:, held] for each in (y, nothing))
+        rests &= np.abs(found).max(axis=1) <= RESTS * np.abs(forced).max(axis=1)
+    return rests
+
+
+def _free_and_held(lowered: MomentFunctions) -> tuple[Places, Places]:
+    """The packed moments that have to be integrated, and those that may stay as they are at the start."""
+
+    def find() -> tuple[Places, Places]:
+        every = np.arange(lowered.facts.packing.size)
+        # of a large model, the few that stay do not pay for a rate of its own
+        free = every if lowered.large else np.array(lowered.free_entries()["free"], dtype=np.intp).ravel()
+        return free, np.delete(every, free)
+
+    return _places(lowered, "", find)

@@ -92,4 +92,4 @@ def _first_engine(lowered: MomentFunctions, start: Start, grid: Array, largest: 
     fastest = min(float(np.nan_to_num(np.abs(each).max(initial=0.0), nan=np.inf)) for each in found)
     if fastest <= PATIENCE and compiles(lowered, start, "native"):
         return "native"
-    return choose(lowered, start, grid, found[0])
+    return choose(lowered, [start], grid, found[0][None])[0]

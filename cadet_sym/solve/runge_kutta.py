@@ -10,22 +10,22 @@ from __future__ import annotations
 from cadet_sym.lowering.kernel import Function, Vector, isfinite, part, sqrt
 from cadet_sym.solve.tableaux import BEGINS, GROUP, LONG, MOST_STAGES, PLACES
 
-__all__ = ["LANES", "PROCEDURES", "REPORT", "STALLED", "TOO_MANY", "WORK", "march"]
+__all__ = ["HEAD", "LANES", "PROCEDURES", "REPORT", "STALLED", "TOO_MANY", "WORK", "march", "march_all"]
 
 LANES = 4
 """Vectors are as long as a multiple of this, and worked on so many numbers at a time; more, once compiled for long ones."""
 
-WORK = MOST_STAGES + 3
+WORK = MOST_STAGES + 4
 """Vectors of working space ..."""
 
 SUMS, CONTEST, HEAD = 8, 16, 32
 """... behind so many numbers: the time, what is summed up lane by lane, and how the pairs compete."""
 
-REPORT = 4
-"""What is reported: time reached, steps, steps refused, rates."""
+REPORT = 6
+"""What is reported: time reached, steps, steps refused, rates, output times reached, and how it ended."""
 
-TOO_MANY, STALLED = 1, 2
-"""What `march` returns where it gives up."""
+TOO_MANY, STALLED, NOT_FINITE = 1, 2, 3
+"""How a run that is given up ends."""
 
 HOLDER, PLAYER, RATES, LENGTH, WAIT, CAME, COUNTED, BEST, KEPT, CHALLENGER = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
 """How the pairs compete: who carries the run, whose turn it is, its rates in this turn of how many, how many the holder has
@@ -167,11 +167,11 @@ def compete(contest: Vector, pairs: int, taken: float, spent: float, h: float) -
 
 
 def march(
-    rate: Function, begin: float, grid: Vector, points: int, y: Vector, n: int, entries: int, p: Vector, size: Vector,
-    relative: float, absolute: float, latest: float, most: int, tables: Vector, pairs: int, work: Vector, found: Vector,
-    report: Vector,
+    rate: Function, begin: float, end: float, grid: Vector, points: int, y: Vector, n: int, entries: int, p: Vector,
+    size: Vector, relative: float, absolute: float, latest: float, most: int, tables: Vector, pairs: int, work: Vector,
+    found: Vector, whole: int, places: Vector, report: Vector,
 ) -> int:
-    """Carry y from `begin` through the times of the grid, of which the last ends the stretch.
+    """Carry y from `begin` to `end` through the times of the grid, which lie between.
 
     Parameters
     ----------
@@ -182,43 +182,56 @@ def march(
     latest : the last time at which the inputs are those of this stretch.
     most : steps.
     tables, pairs : one packed pair, or two that compete, of which the first begins.
-    work : (WORK n + HEAD,) of zeros. found : (points, n), one after the other. report : (REPORT,).
+    work : (WORK n + HEAD,) of which what is behind the entries of a vector is zero.
+    found : (points, whole), one after the other. places : (entries,) in a row of it.
+    report : (REPORT,) that goes on.
 
     Returns
     -------
-    0; TOO_MANY steps; or STALLED, where they shrink to nothing.
+    0; TOO_MANY steps; STALLED, where they shrink to nothing; or NOT_FINITE.
     """
     lanes = part(work, SUMS)
     contest = part(work, CONTEST)
     slopes = part(work, HEAD)
-    end = part(slopes, (MOST_STAGES + 1) * n)
-    trial = part(end, n)
+    ahead = part(slopes, (MOST_STAGES + 1) * n)
+    trial = part(ahead, n)
     table = tables
+    for k in range(HEAD):
+        work[k] = 0.0
     contest[WAIT] = FIRST_WAIT
     contest[LENGTH] = FIRST_WAIT
     t = begin
     known = 0
     work[0] = t
     rate(work, y, p, slopes)
-    longest = grid[points - 1] - begin
+    longest = end - begin
     h = first_step(
-        rate, t, y, p, size, relative, absolute, longest, table[1], work, end, trial, slopes, lanes, n, entries
+        rate, t, y, p, size, relative, absolute, longest, table[1], work, ahead, trial, slopes, lanes, n, entries
     )
     report[3] += 2.0
     before = 1.0
     spent = 0.0
     for _step in range(most + 1):  # the last only to write down where the steps led
         report[0] = t
-        while t + 0.1 * (grid[known] - t) <= t:  # here, or nearer than a step can be
-            row = part(found, known * n)
-            for i in range(n):
-                row[i] = y[i]
+        goal = end
+        while known < points and t + 0.1 * (grid[known] - t) <= t:  # here, or nearer than a step can be
+            row = part(found, known * whole)
+            for i in range(entries):
+                row[int(places[i])] = y[i]
+                if not isfinite(y[i]):
+                    return NOT_FINITE
             known += 1
-            if known == points:
-                return 0
+            report[4] += 1.0
+        if known < points:
+            goal = grid[known]
+        elif t + 0.1 * (end - t) <= t:
+            for i in range(entries):
+                if not isfinite(y[i]):
+                    return NOT_FINITE
+            return 0
         if _step == most:  # or y would be a step ahead of the time that is reported
             break
-        rest = grid[known] - t
+        rest = goal - t
         taken = h
         if h >= rest:
             taken = rest
@@ -232,14 +245,14 @@ def march(
             combine(trial, 1.0, y, slopes, table, stage - 1, taken, n)
             work[0] = min(t + table[PLACES + stage - 1] * taken, latest)
             rate(work, trial, p, part(slopes, stage * n))
-        combine(end, 1.0, y, slopes, table, stages - 1, taken, n)
-        after = grid[known] if taken == rest else t + taken
+        combine(ahead, 1.0, y, slopes, table, stages - 1, taken, n)
+        after = goal if taken == rest else t + taken
         work[0] = min(after, latest)
         last = part(slopes, stages * n)
-        rate(work, end, p, last)
+        rate(work, ahead, p, last)
         report[3] += float(stages)
         spent += float(stages)
-        wrong = error(y, end, slopes, size, relative, absolute, table, taken, trial, lanes, n, entries)
+        wrong = error(y, ahead, slopes, size, relative, absolute, table, taken, trial, lanes, n, entries)
         if not wrong <= 1.0:  # or no number
             report[2] += 1.0
             h = taken * (max(0.2, 0.9 * wrong**-power) if isfinite(wrong) else 0.1)
@@ -251,7 +264,7 @@ def march(
         t = after
         report[1] += 1.0
         for i in range(n):
-            y[i] = end[i]
+            y[i] = ahead[i]
             slopes[i] = last[i]
         if taken == h or factor * taken > h:  # a step cut short says little about the next
             h = factor * taken
@@ -262,5 +275,75 @@ def march(
     return TOO_MANY
 
 
-PROCEDURES = (combine, squares, error, first_step, compete, march)
+def march_all(
+    rate: Function, runs: int, grid: Vector, points: int, y: Vector, whole: int, places: Vector, entries: int, n: int,
+    p: Vector, numbers: int, size: Vector, stride: int, relative: float, absolute: float, travel: Vector, most: int,
+    tables: Vector, pairs: int, work: Vector, found: Vector, reports: Vector,
+) -> int:
+    """Carry many runs through the same times, each stretch by stretch.
+
+    Parameters
+    ----------
+    rate : as `march` takes it, with [p; what does not move] for p.
+    grid : (points,) of the outputs, from 0 on.
+    y : (runs, whole) where each starts; where it arrived, afterwards.
+    places : (whole,) in a row of y of the entries that move, then of those that stay as they are.
+    p : (runs, numbers).
+    size : (whole,) of every moment, those of the next run `stride` numbers further.
+    travel : of one run after the other the number of its stretches, then begin, end and latest time of each.
+    work : (WORK n + HEAD + n + numbers + whole,) of zeros.
+    found : (runs, points, whole). reports : (runs, REPORT) of zeros; what is found of a run that is given up ends there.
+
+    Returns
+    -------
+    0; how every run ended is in its report.
+    """
+    state = part(work, HEAD + (WORK - 1) * n)
+    own = part(state, n)
+    given = part(own, n)
+    for i in range(n):
+        own[i] = 1.0
+    at = 0
+    for run in range(runs):
+        start = part(y, run * whole)
+        rows = part(found, run * points * whole)
+        report = part(reports, run * REPORT)
+        for i in range(entries):
+            state[i] = start[int(places[i])]
+            own[i] = size[run * stride + int(places[i])]
+        for i in range(numbers):
+            given[i] = p[run * numbers + i]
+        for i in range(entries, whole):
+            held = int(places[i])
+            given[numbers + i - entries] = start[held]
+            for k in range(points):
+                rows[k * whole + held] = start[held]
+        known = 0
+        if grid[0] == 0.0:
+            for i in range(whole):
+                rows[i] = start[i]
+            known = 1
+            report[4] = 1.0
+        status = 0
+        stretches = int(travel[at])
+        at += 1
+        for _stretch in range(stretches):
+            stretch = part(travel, at)
+            inside = known
+            while inside < points and grid[inside] <= stretch[1]:
+                inside += 1
+            if status == 0 and stretch[1] > stretch[0]:
+                status = march(
+                    rate, stretch[0], stretch[1], part(grid, known), inside - known, state, n, entries, given, own, relative,
+                    absolute, stretch[2], most, tables, pairs, work, part(rows, known * whole), whole, places, report,
+                )  # fmt: skip
+            known = inside
+            at += 3
+        report[5] = float(status)
+        for i in range(entries):
+            start[int(places[i])] = state[i]
+    return 0
+
+
+PROCEDURES = (combine, squares, error, first_step, compete, march, march_all)
 """What is compiled together."""

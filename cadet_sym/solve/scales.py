@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -30,8 +30,12 @@ class Tolerance:
 
     relative: float
     absolute: float  # over relative, in units of the sizes
-    size: Array  # (size,) of every packed moment
+    size: Array  # (size,) of every packed moment; or (runs, size)
     steps: int = 100_000  # between two output times at most: where a moment runs away, steps shrink without end
+
+    def of(self, runs: npt.NDArray[np.intp]) -> Tolerance:
+        """That of some of the runs."""
+        return self if self.size.ndim == 1 else replace(self, size=self.size[runs])
 
 
 def peaks(y: Array, packing: Packing) -> Array:

@@ -8,6 +8,7 @@ import numpy.typing as npt
 from cadet_sym.errors import ModelError
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.memory import Memory
+from cadet_sym.solve.evaluate import depends_on
 
 __all__ = ["refuse_senseless"]
 
@@ -25,7 +26,10 @@ _sensible: Memory[bool] = Memory()
 
 
 def refuse_senseless(lowered: MomentFunctions, p: Array, duration: float) -> None:
-    """Raise ModelError if a vehicle reverses, wheels change their order, or a measured speed ends before the run does."""
+    """Raise ModelError if a vehicle reverses, wheels change their order, or a measured speed ends before a run does.
+
+    Of runs with parameters (runs, count).
+    """
     if not lowered.facts.ground and lowered.facts.speed_ends is None and not lowered.facts.needs_distance:
         return
     ends = lowered.facts.speed_ends
@@ -36,14 +40,9 @@ def refuse_senseless(lowered: MomentFunctions, p: Array, duration: float) -> Non
             table="travel",
             key="speed",
         )
-    used = _which(lowered, 0, lambda: _parameters_of_travel(lowered))
-    _sensible(lowered, (p[used].tobytes(), duration), lambda: _look(lowered, p, duration))
-
-
-def _parameters_of_travel(lowered: MomentFunctions) -> Places:
-    """Entries of p that the speed or a setback depends on."""
-    columns = [lowered.motion.jac_sparsity(0, 1), lowered.places.jac_sparsity(0, 0)]
-    return np.unique(np.concatenate([np.array(each.get_col(), dtype=np.intp) for each in columns]))
+    used = _which(lowered, 0, lambda: depends_on(lowered.motion.jac_sparsity(0, 1), lowered.places.jac_sparsity(0, 0)))
+    for travel, own in {each[used].tobytes(): each for each in p}.items():
+        _sensible(lowered, (travel, duration), lambda own=own: _look(lowered, own, duration))
 
 
 def _look(lowered: MomentFunctions, p: Array, duration: float) -> bool:

@@ -1,4 +1,4 @@
-"""Look over what a run gave, in one pass of machine code: most runs are sound, and short ones should not wait to hear it.
+"""Look over what runs gave, in one pass of machine code: most runs are sound, and short ones should not wait to hear it.
 
 Who is found sound here is so beyond rounding; all others are judged by `scales.fits` and `definite.lost`. So no result
 depends on whether there is machine code, and it is made only for who runs again and again.
@@ -20,7 +20,7 @@ from cadet_sym.packing import Packing
 from cadet_sym.solve.definite import LIMIT, MANY, TINY
 from cadet_sym.solve.scales import FEW_TIMES, MANY_TIMES
 
-__all__ = ["is_sound", "look_over"]
+__all__ = ["are_sound", "look_over"]
 
 Array = npt.NDArray[np.float64]
 
@@ -83,19 +83,31 @@ def look_over(
     return 1
 
 
-def is_sound(y: Array, packing: Packing, size: Array) -> bool:
-    """Whether packed moments (k, size) are sound; False where that is not known without machine code."""
-    n = packing.n
-    if n > MANY or next(_runs) < PAYS or not available():
-        return False
-    y, size, work = np.ascontiguousarray(y), np.ascontiguousarray(size), np.empty(n * n + n)
+def look_over_all(
+    y: Vector, runs: int, rows: int, size: int, n: int, sizes: Vector, stride: int, least: float, above: float, below: float,
+    work: Vector, verdicts: Vector,
+) -> int:
+    """The verdict, 1 or 0, on each of many runs: y (runs, rows, size), the sizes of each `stride` after those of the last."""
+    for run in range(runs):
+        moments = part(y, run * rows * size)
+        verdicts[run] = float(look_over(moments, rows, size, n, part(sizes, run * stride), least, above, below, work))
+    return 0
+
+
+def are_sound(y: Array, packing: Packing, size: Array) -> list[bool]:
+    """Which packed moments (runs, k, size), of sizes (size,) or (runs, size), are sound; False where that is not known."""
+    (runs, rows, count), n = y.shape, packing.n
+    if n > MANY or max(runs, next(_runs)) < PAYS or not available():
+        return [False] * runs
+    y, size, work, verdicts = np.ascontiguousarray(y), np.ascontiguousarray(size), np.empty(n * n + n), np.empty(runs)
     least = 0.5 * LIMIT  # so that no other way to round would find otherwise
-    given = address(y), len(y), y.shape[1], n, address(size), least, FEW_TIMES, MANY_TIMES, address(work)
-    return bool(_look_over()(*given))
+    given = address(y), runs, rows, count, n, address(size), count * (size.ndim - 1), least, FEW_TIMES, MANY_TIMES
+    _look_over_all()(*given, address(work), address(verdicts))
+    return (verdicts == 1.0).tolist()
 
 
 @cache
-def _look_over() -> Any:
+def _look_over_all() -> Any:
     vector, number, integer = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
-    types = vector, integer, integer, integer, vector, number, number, number, vector
-    return kernel(look_over).function("look_over", *types, returns=integer)
+    types = vector, *[integer] * 4, vector, integer, number, number, number, vector, vector
+    return kernel(look_over, look_over_all).function("look_over_all", *types, returns=integer)

@@ -1,4 +1,4 @@
-"""Where the ground's deterministic profile has brought the filters by the time the vehicle starts."""
+"""The moments at t = 0, and where the ground's deterministic profile has brought the filters by then."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from cadet_sym.errors import ModelError
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.solve.evaluate import results_over
 
-__all__ = ["profile_mean", "warn_of_uneven_start"]
+__all__ = ["initial_moments", "profile_mean"]
 
 Array = npt.NDArray[np.float64]
 
@@ -23,6 +24,65 @@ DECAY = 40.0
 """Decay lengths of the slowest mode that are looked back on: exp(-40) is below rounding."""
 
 
+def initial_moments(functions: MomentFunctions, p: Array) -> Array:
+    """The packed moments (runs, size) at t = 0 for parameters (runs, count).
+
+    Raises
+    ------
+    ModelError
+        If the ground has no stationary state to start from, or a covariance is not positive semidefinite.
+    """
+    facts = functions.facts
+    if facts.whole:
+        from cadet_sym.solve.steady import steady_start
+
+        return np.array([steady_start(functions, each) for each in p])
+    if facts.filters and not facts.smooth:
+        _refuse_drifting_ground(functions, p)
+        if facts.delay is not None:
+            _warn_of_uneven_start(functions, p)
+    (y,) = results_over(functions.initial, p)
+    if _has_profile(functions):
+        y[:, : facts.packing.n] += [profile_mean(functions, each) for each in p]
+    _, covariance = facts.packing.unpack(y)
+    lowest = np.linalg.eigvalsh(covariance)[:, 0] if facts.packing.n else np.zeros(len(p))
+    good = lowest >= -1e-9 * np.maximum(np.einsum("kii->k", covariance), 1e-300)
+    if not good.all():
+        raise ModelError(
+            f"[initial]: the covariance at the start is not positive semidefinite (smallest eigenvalue "
+            f"{lowest[~good][0]:.3g}); check [initial.covariance]: |cov(a, b)| may not exceed std(a) std(b)."
+        )
+    return y
+
+
+def _refuse_drifting_ground(functions: MomentFunctions, p: Array) -> None:
+    matrices = results_over(functions.filters, p)
+    for place, entries in zip(functions.facts.filters, matrices, strict=True):
+        C = entries.reshape(len(p), place.size, place.size).transpose(0, 2, 1)
+        decay = np.linalg.eigvals(C)
+        lasting = decay.real > -1e-12 * np.abs(entries).max(axis=1, initial=1e-300)[:, None]
+        if lasting.any():
+            slowest = decay[lasting][0]
+            raise ModelError(
+                f'[initial] ground = "stationary": the ground under `{place.contact}` has no stationary height: its '
+                f"filter has the eigenvalue {slowest:.3g} per unit of length, which does not decay (an integrated road "
+                'wanders without bound). Start with `ground = "smooth"`, or give the road a low-frequency `cutoff`.'
+            )
+
+
+def _warn_of_uneven_start(functions: MomentFunctions, p: Array) -> None:
+    """Warn where the ground at the start is not one and the same under the wheels of a track, for parameters (k, count)."""
+    (unlike,) = results_over(functions.unevenness, p)
+    if not (unlike <= UNEVEN).all():
+        warnings.warn(
+            "the ground at the start is not the same under all wheels of a track; all of it is taken to be like that under "
+            "the rearmost, until they have left it. Let the travel begin where the ground is the same over the wheelbase, "
+            'or use `ground = "smooth"`',
+            RuntimeWarning,
+            stacklevel=6,
+        )
+
+
 def profile_mean(functions: MomentFunctions, p: Array) -> Array:
     """What the profile behind the start adds to the mean at t = 0, (n,).
 
@@ -30,7 +90,7 @@ def profile_mean(functions: MomentFunctions, p: Array) -> Array:
     """
     facts = functions.facts
     mean = np.zeros(facts.packing.n)
-    if facts.smooth or not any(place.profile for place in facts.filters):
+    if not _has_profile(functions):
         return mean
     for k, place in enumerate(facts.filters):
         if place.profile:
@@ -40,17 +100,8 @@ def profile_mean(functions: MomentFunctions, p: Array) -> Array:
     return mean
 
 
-def warn_of_uneven_start(functions: MomentFunctions, p: Array) -> None:
-    """Warn where the ground at the start is not one and the same under the wheels of a track, for parameters (k, count)."""
-    (unlike,) = results_over(functions.unevenness, p)
-    if not (unlike <= UNEVEN).all():
-        warnings.warn(
-            "the ground at the start is not the same under all wheels of a track; all of it is taken to be like that under "
-            "the rearmost, until they have left it. Let the travel begin where the ground is the same over the wheelbase, "
-            'or use `ground = "smooth"`',
-            RuntimeWarning,
-            stacklevel=4,
-        )
+def _has_profile(functions: MomentFunctions) -> bool:
+    return not functions.facts.smooth and any(place.profile for place in functions.facts.filters)
 
 
 _Along = Callable[[Array], tuple[Array, Array]]

@@ -8,26 +8,27 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from weakref import ref
 
 import numpy as np
 import numpy.typing as npt
 
-from cadet_sym.errors import ModelError
+from cadet_sym.errors import ModelError, SolverError
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.memory import Memory
 from cadet_sym.packing import Packing
 from cadet_sym.solve.choice import choose, compiles, modes
-from cadet_sym.solve.course import ENGINES, Engine, Start, Trajectory, edges, march, march_ahead
+from cadet_sym.solve.course import ENGINES, March, Start, Trajectory, edges, march
 from cadet_sym.solve.definite import lost, warn_of_loss
-from cadet_sym.solve.rough import ABSOLUTE, Outline, outline
+from cadet_sym.solve.native import march_all, method
+from cadet_sym.solve.rough import ABSOLUTE, outline
 from cadet_sym.solve.scales import Tolerance, fits, peaks
-from cadet_sym.solve.sound import is_sound
+from cadet_sym.solve.sound import are_sound
 from cadet_sym.solve.stiff import MANY_STATES
 
-__all__ = ["ENGINES", "Start", "Trajectory", "check_times", "integrate", "integrate_ahead"]
+__all__ = ["ENGINES", "Start", "Trajectory", "check_times", "integrate", "integrate_all"]
 
 Array = npt.NDArray[np.float64]
 
@@ -36,10 +37,6 @@ DIFFERENT = 1e-5
 
 BETWEEN = 100.0
 """How much more the correlation with the ground between two wheels may err: it is smoothed on its way to the wheel behind."""
-
-
-AHEAD = 4_000_000
-"""Numbers that runs begun together may hold: where each of them takes long, nothing is gained."""
 
 
 def integrate(
@@ -68,34 +65,110 @@ def integrate(
         If the integration fails or overflows: says at what time, for which state, and what was reached; `partial` is
         the Trajectory up to there.
     """
+    (found,) = integrate_all(lowered, [start], grid, rtol=rtol, engine=engine, declared=declared)[1]
+    if isinstance(found, Exception):
+        raise found
+    return found
+
+
+def integrate_all(
+    lowered: MomentFunctions,
+    starts: Sequence[Start],
+    grid: Array,
+    *,
+    rtol: float = 1e-8,
+    engine: str = "auto",
+    declared: Callable[[], Start] | None = None,
+) -> tuple[Array, list[Trajectory | SolverError | ArithmeticError]]:
+    """Integrate many runs, each to the numbers of `integrate`; those of explicit machine code all in one call.
+
+    Returns
+    -------
+    The packed moments (runs, k, size), and every run's Trajectory, which looks into them, or why there is none.
+    """
     if not 1e-13 <= rtol <= 0.1:
         raise ModelError(f"rtol is {rtol!r}; it must lie between 1e-13 and 0.1.")
     if engine not in ENGINES:
         raise ModelError(f"`{engine}` is not an engine; those are: {', '.join(ENGINES)}.")
-    if engine in ("native", "stiff") and not compiles(lowered, start, engine):
+    if engine in ("native", "stiff") and not all(compiles(lowered, start, engine) for start in starts):
         raise ModelError(
             f'engine "{engine}": there is no machine code of it for this model. That needs LLVM, for wheels that follow each '
             f"other on many elements `jit=True`, and \"stiff\" at most {MANY_STATES} states and no such wheels; leave "
             "`engine` out."
         )
     began = time.perf_counter()
-    packing, plan = lowered.facts.packing, _plan(lowered, start, grid, engine, declared)
-    kind, size = plan.kind, plan.size
-    tolerance = _tolerance(rtol, size, packing, kind)
-    y, used, doubtful = march(lowered, start, grid, kind, tolerance, rtol, plan.ahead.pop((rtol, grid.tobytes()), None))
-    sound = is_sound(y, packing, size)
-    if not sound and not fits(size, y, packing):
-        size = peaks(np.vstack([start.y, y]), packing)
-        y, used, doubtful = march(lowered, start, grid, kind, _tolerance(rtol, size, packing, kind), rtol)
-    if not sound and lost(y, packing).any():
-        y, used, doubtful = march(lowered, start, grid, kind, _tolerance(rtol * 1e-3, size, packing, kind), rtol)
-        warn_of_loss(grid, y, packing, lowered.facts.states)
-    if doubtful:
+    plans, courses = _plans(lowered, starts, grid, engine, declared), [edges(start, grid) for start in starts]
+    y, marches = _together(lowered, starts, courses, grid, plans, rtol)
+    found: list[March | SolverError | ArithmeticError] = []
+    for start, plan, own, known in zip(starts, plans, y, marches, strict=True):
+        try:
+            run = known if known is not None and known.sound else _judged(lowered, start, grid, plan, rtol, known)
+        except (SolverError, ArithmeticError) as error:
+            own.fill(np.nan)
+            found.append(error)
+            continue
+        if run is not known:
+            own[:] = run.y
+        found.append(run)
+    seconds = (time.perf_counter() - began) / max(len(starts), 1)
+    return y, [
+        _trajectory(grid, own, run, course, rtol, seconds) if isinstance(run, March) else run
+        for own, run, course in zip(y, found, courses, strict=True)
+    ]
+
+
+def _trajectory(grid: Array, y: Array, run: March, course: Sequence[float], rtol: float, seconds: float) -> Trajectory:
+    statistics = {"steps": float(run.steps), "stretches": len(course) - 1.0, "seconds": seconds}
+    return Trajectory(grid, y, run.engine, rtol, statistics)
+
+
+def _together(
+    lowered: MomentFunctions,
+    starts: Sequence[Start],
+    courses: Sequence[Sequence[float]],
+    grid: Array,
+    plans: Sequence[_Plan],
+    rtol: float,
+) -> tuple[Array, list[March | None]]:
+    """Runs in explicit machine code, all in one call, and room for the others; None of these, and of those that broke down."""
+    packing = lowered.facts.packing
+    marches: list[March | None] = [None] * len(starts)
+    native = [k for k, plan in enumerate(plans) if plan.kind == "native"]
+    if not native:
+        return np.empty((len(starts), len(grid), packing.size)), marches
+    size = plans[native[0]].size
+    if any(plans[k].size is not size for k in native):
+        size = np.array([plans[k].size for k in native])
+    p, begin = np.array([starts[k].p for k in native]), np.array([starts[k].y for k in native])
+    tolerance = _tolerance(rtol, size, packing, "native")
+    runs = march_all(lowered, p, begin, [courses[k] for k in native], grid, tolerance)
+    y = runs.y
+    if len(native) < len(starts):
+        y = np.empty((len(starts), *runs.y.shape[1:]))
+        y[native] = runs.y
+    name, verdicts = method(lowered), are_sound(runs.y, packing, size)
+    for k, sound, steps, status in zip(native, verdicts, runs.steps.tolist(), runs.status.tolist(), strict=True):
+        marches[k] = None if status else March(y[k], name, int(steps), doubtful=False, sound=sound)
+    return y, marches
+
+
+def _judged(lowered: MomentFunctions, start: Start, grid: Array, plan: _Plan, rtol: float, run: March | None) -> March:
+    """A run that was not found sound: integrated by itself if it was not yet, and again where it is not what it should be."""
+    packing, kind, size = lowered.facts.packing, plan.kind, plan.size
+    if run is None:
+        run = march(lowered, start, grid, kind, _tolerance(rtol, size, packing, kind), rtol)
+        run = run._replace(sound=are_sound(run.y[None], packing, size[None])[0])
+    if not run.sound and not fits(size, run.y, packing):
+        size = peaks(np.vstack([start.y, run.y]), packing)
+        run = march(lowered, start, grid, kind, _tolerance(rtol, size, packing, kind), rtol)
+    if not run.sound and lost(run.y, packing).any():
+        run = march(lowered, start, grid, kind, _tolerance(rtol * 1e-3, size, packing, kind), rtol)
+        warn_of_loss(grid, run.y, packing, lowered.facts.states)
+    if run.doubtful:
         again = march(lowered, start, grid, kind, _tolerance(rtol * 1e-2, size, packing, kind), rtol)
-        _compare(y, again.y, size, rtol)
-        y, used = again.y, again.engine
-    statistics = {"steps": float(used.steps), "stretches": len(edges(start, grid)) - 1.0}
-    return Trajectory(grid, y, used.name, rtol, statistics | {"seconds": time.perf_counter() - began})
+        _compare(run.y, again.y, size, rtol)
+        run = again
+    return run
 
 
 def _compare(y: Array, again: Array, size: Array, rtol: float) -> None:
@@ -107,7 +180,7 @@ def _compare(y: Array, again: Array, size: Array, rtol: float) -> None:
             f"hundredth of the tolerance the moments differ by {change:.1g} of their size, and may do so again. Ask for a "
             'smaller rtol, or start with a little variance; engine="native" takes no gains, only rates.',
             RuntimeWarning,
-            stacklevel=4,
+            stacklevel=6,
         )
 
 
@@ -130,61 +203,27 @@ class _Plan:
 
     kind: str  # of engine
     size: Array  # of every moment
-    ahead: dict[tuple[float, bytes], Engine] = field(default_factory=dict)  # by tolerance and times: what began already
 
 
-_plans: Memory[_Plan] = Memory()
+_known: Memory[_Plan] = Memory()
 
 
-def _plan(
-    lowered: MomentFunctions, start: Start, grid: Array, engine: str, declared: Callable[[], Start] | None
-) -> _Plan:
-    """The plan of a run, remembered for the next of the same."""
+def _plans(
+    lowered: MomentFunctions, starts: Sequence[Start], grid: Array, engine: str, declared: Callable[[], Start] | None
+) -> list[_Plan]:
+    """The plans of runs; of a single one remembered for the next of the same."""
+    end = float(grid[-1])
 
-    def make() -> _Plan:
-        known = outline(lowered, start, float(grid[-1]), declared)
-        return _planned(lowered, [start], grid, engine, known)[0]
+    def make(these: Sequence[Start]) -> list[_Plan]:
+        known, kinds = outline(lowered, these[0], end, declared), [engine] * len(these)
+        if engine == "auto":
+            kinds = choose(lowered, these, grid, modes(lowered, np.array([each.p for each in these]), end, known.along))
+        return [_Plan(kind, known.size) for kind in kinds]
 
-    return _plans(start, _key(lowered, grid, engine, declared is None), make)
-
-
-def _key(lowered: MomentFunctions, grid: Array, engine: str, alone: bool) -> Hashable:
-    return ref(lowered), lowered.jit, float(grid[-1]), engine, alone
-
-
-def _planned(lowered: MomentFunctions, starts: Sequence[Start], grid: Array, engine: str, known: Outline) -> list[_Plan]:
-    """The plans of runs that differ in their parameters."""
-    kinds = [engine] * len(starts)
-    if engine == "auto":
-        found = modes(lowered, np.array([start.p for start in starts]), float(grid[-1]), known.along)
-        kinds = [choose(lowered, start, grid, each) for start, each in zip(starts, found, strict=True)]
-    return [_Plan(kind, known.size) for kind in kinds]
-
-
-def integrate_ahead(
-    lowered: MomentFunctions,
-    starts: Sequence[Start],
-    grid: Array,
-    *,
-    rtol: float,
-    engine: str,
-    declared: Callable[[], Start],
-) -> None:
-    """Begin many runs that are to come, all at once, which takes less time; see `integrate`."""
-    key = _key(lowered, grid, engine, alone=False)
-    new = [start for start in starts if not _plans.knows(start, key)]
-    if new:
-        known = outline(lowered, starts[0], float(grid[-1]), declared)
-        for start, each in zip(new, _planned(lowered, new, grid, engine, known), strict=True):
-            _plans.keep(start, key, each)
-    if len(starts) * len(grid) * lowered.facts.packing.size > AHEAD:
-        return
-    plans = [(start, _plan(lowered, start, grid, engine, declared)) for start in starts]
-    native = [(start, each) for start, each in plans if each.kind == "native" and grid[-1] > 0]
-    tolerances = [_tolerance(rtol, each.size, lowered.facts.packing, each.kind) for _, each in native]
-    begun = march_ahead(lowered, [start for start, _ in native], grid, tolerances)
-    for (_, each), run in zip(native, begun, strict=True):
-        each.ahead[rtol, grid.tobytes()] = run
+    if len(starts) > 1 and declared is not None:
+        return make(starts)
+    key = ref(lowered), lowered.jit, end, engine, declared is None
+    return [_known(start, key, lambda start=start: make([start])[0]) for start in starts]
 
 
 def _tolerance(rtol: float, size: Array, packing: Packing, kind: str) -> Tolerance:
@@ -193,7 +232,7 @@ def _tolerance(rtol: float, size: Array, packing: Packing, kind: str) -> Toleran
     weighed = size
     if packing.ground:
         weighed = size.copy()
-        weighed[len(size) - packing.ground :] *= BETWEEN
+        weighed[..., size.shape[-1] - packing.ground :] *= BETWEEN
     if kind == "native":  # the errors of its order hardly add up
         return Tolerance(max(rtol, 1e-13), tight**0.5 * ABSOLUTE, weighed)
     return Tolerance(max(tight**0.75 * rtol, 2e-14), tight**0.5 * ABSOLUTE, weighed)

@@ -1,0 +1,184 @@
+"""Run a compiled model over a time: one run or many that differ in their parameters, which take one way.
+
+What is done for all of them at once is done at once: their starts, the choice of an engine, the integration in explicit
+machine code, the outputs. Every number is the one of a run by itself.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cadet_sym.compilation import Compiled
+from cadet_sym.errors import SolverError
+from cadet_sym.lowering.functions import MomentFunctions
+from cadet_sym.memory import Memory
+from cadet_sym.packing import Packing
+from cadet_sym.results import MomentHistory, Provenance
+from cadet_sym.solve.breakpoints import breakpoints_of
+from cadet_sym.solve.outputs import outputs_over
+from cadet_sym.solve.senseless import refuse_senseless
+from cadet_sym.solve.start import initial_moments
+from cadet_sym.solve.transient import Start, Trajectory, integrate_all
+from cadet_sym.solve.wheels import present_error
+from cadet_sym.version import VERSION
+
+__all__ = ["Names", "Runs", "named", "run_all", "starts_of"]
+
+Array = npt.NDArray[np.float64]
+Derivatives = Callable[..., Array]
+Run = Trajectory | SolverError | ArithmeticError
+
+COARSE = 1e-2
+"""Estimated error of the grid between the wheels (conservative, by 1 to 100) above which there is a warning."""
+
+
+@dataclass(frozen=True)
+class Names:
+    """Whose moments they are."""
+
+    model: str
+    hash: str  # of the model
+    states: tuple[str, ...]
+    outputs: tuple[str, ...]
+    parameters: tuple[str, ...]
+    packing: Packing
+
+    @classmethod
+    def of(cls, made: Compiled) -> Names:
+        """Those of a compiled model."""
+        facts, declared = made.functions.facts, made.declaration
+        return cls(declared.name, declared.hash, facts.states, facts.outputs, facts.parameters, facts.packing)
+
+    def provenance(self, engine: str, rtol: float, statistics: Mapping[str, float], p: Array) -> Provenance:
+        """How a result of the model was obtained, at the parameters p."""
+        return Provenance(
+            engine=engine,
+            rtol=rtol,
+            statistics=statistics,
+            parameters=dict(zip(self.parameters, p.tolist(), strict=True)),
+            model_hash=self.hash,
+            version=VERSION,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """Runs of one model through the same times; each is a history, made when it is asked for, or the error it ended with."""
+
+    names: Names
+    p: Array  # (runs, count) parameters
+    found: tuple[Run, ...]
+    output_mean: Array  # (runs, k, m)
+    output_variance: Array  # (runs, k, m)
+    derivatives: Derivatives | None  # of the model they came from
+
+    def __len__(self) -> int:
+        return len(self.found)
+
+    @property
+    def failures(self) -> Mapping[int, Exception]:
+        """The errors of the runs that failed."""
+        return {k: run for k, run in enumerate(self.found) if isinstance(run, Exception)}
+
+    def __getitem__(self, k: int) -> MomentHistory:
+        """The history of one run; raises the error that it ended with."""
+        run = self.found[k]
+        if isinstance(run, Exception):
+            raise run
+        names, (mean, covariance) = self.names, self.names.packing.unpack(run.y)
+        for array in (mean, covariance):
+            array.setflags(write=False)  # they are no one else's, and need not be copied
+        return MomentHistory(
+            model=names.model,
+            states=names.states,
+            outputs=names.outputs,
+            time=run.time,
+            state_mean=mean,
+            state_covariance=covariance,
+            output_mean=self.output_mean[k],
+            output_variance=self.output_variance[k],
+            provenance=names.provenance(run.engine, run.rtol, run.statistics, self.p[k]),
+            derivatives=self.derivatives,
+        )
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The numbers alone: what is sent to another process leaves the model behind, and what failures hold."""
+        found = tuple(SolverError(str(each)) if isinstance(each, Exception) else each for each in self.found)
+        return {**self.__dict__, "derivatives": None, "found": found}
+
+
+def run_all(
+    made: Compiled, p: Array, grid: Array, *, rtol: float, engine: str, alike: bool, derivatives: Derivatives | None
+) -> Runs:
+    """Run with parameters (runs, count) through the times of the grid.
+
+    Parameters
+    ----------
+    alike : take the sizes of the moments from a run at the declared parameters.
+
+    Raises
+    ------
+    ModelError
+        If anything is wrong with the model, one of the parameters, the tolerance or the engine.
+    SolverError
+        If there is nothing to start from; what fails later is kept for the run that failed.
+    """
+    functions, names, end = made.functions, Names.of(made), float(grid[-1])
+    starts = starts_of(made, p, end)
+    declared = declared_start(made, end) if alike else None
+    y, found = integrate_all(functions, starts, grid, rtol=rtol, engine=engine, declared=declared)
+    if functions.facts.delay is not None:
+        found = [_with_wheel_error(functions, run, own) for run, own in zip(found, p, strict=True)]
+    for error, own in zip(found, p, strict=True):
+        if isinstance(error, SolverError) and isinstance(partial := error.details.get("partial"), Trajectory):
+            error.partial = error.details["partial"] = named(made, partial, own, derivatives)  # type: ignore[attr-defined]
+    return Runs(names, p, tuple(found), *outputs_over(functions, grid, y, p), derivatives)
+
+
+def named(made: Compiled, run: Trajectory, p: Array, derivatives: Derivatives | None) -> MomentHistory:
+    """One run that was integrated, with its outputs."""
+    outputs = outputs_over(made.functions, run.time, run.y[None], p[None])
+    return Runs(Names.of(made), p[None], (run,), *outputs, derivatives)[0]
+
+
+def _with_wheel_error(functions: MomentFunctions, run: Run, p: Array) -> Run:
+    """A run with the estimated error of the grid between the wheels at its end; a warning if it is coarse."""
+    if isinstance(run, Exception):
+        return run
+    moments = run.y[-1, : functions.facts.packing.moments]
+    error = present_error(functions, p, moments, float(run.time[-1]))
+    if error > COARSE:
+        warnings.warn(
+            f"the ground between the wheels may not be resolved (estimated error {error:.1g}); "
+            "compile the model with a finer grid, for example `cs.compile(model, grid=(8, 10))`",
+            stacklevel=5,
+        )
+    return replace(run, statistics={**run.statistics, "wheel grid error": error})
+
+
+def starts_of(made: Compiled, p: Array, duration: float) -> list[Start]:
+    """Moments at the start and known breakpoints for parameters (runs, count); remembered for a single run."""
+
+    def find() -> list[Start]:
+        # a run is looked at as the declared one was when the model was made
+        others = p if duration > made.declaration.duration else p[(p != made.declared).any(axis=1)]
+        if len(others):
+            refuse_senseless(made.functions, others, duration)
+        y, breakpoints = initial_moments(made.functions, p), breakpoints_of(made.functions, p, duration)
+        return [Start(*each) for each in zip(y, p, breakpoints, strict=True)]
+
+    return _starts(made.functions, (p.tobytes(), duration), find) if len(p) == 1 else find()
+
+
+_starts: Memory[list[Start]] = Memory(128)
+
+
+def declared_start(made: Compiled, duration: float) -> Callable[[], Start] | None:
+    """The start at the declared parameters; None of a longer run than declared, in which they may make no sense."""
+    return None if duration > made.declaration.duration else lambda: starts_of(made, made.declared[None], duration)[0]
