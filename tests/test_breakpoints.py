@@ -23,19 +23,15 @@ def found(model: cs.Model) -> tuple[float, ...]:
     return compiled.breakpoints(compiled.parameter_vector(), model.number(model.run.duration))
 
 
-@pytest.mark.parametrize(
-    ("name", "parameter", "values"), [("stop_and_go", "V", [8.0, 12.0, 12.0, 14.5]), ("road_class_change", "V", [5.0, 21.0])]
-)
-def test_those_of_many_runs_are_those_of_each(name, parameter, values, shipped):
-    """In time and along the ground; what a run is not told apart by makes no difference."""
-    compiled = shipped(name)
-    declared, end = compiled.parameter_vector(), compiled.declaration.duration
-    p = np.array([compiled.parameter_vector({parameter: value}) for value in values])
+@pytest.mark.parametrize("name", ["stop_and_go", "road_class_change"])
+def test_those_of_many_runs_are_those_of_each(name, shipped):
+    """In time, where no parameter moves them, and along the ground, where the speed does, and may never come so far."""
+    compiled, values = shipped(name), [5.0, 12.0, 12.0, 21.0]
+    p, end = np.array([compiled.parameter_vector({"V": value}) for value in values]), compiled.declaration.duration
     apart = [cs.compile(compiled.model).breakpoints(own, end) for own in p]
     assert breakpoints_of(compiled.functions, p, end) == apart
-    assert apart[0] != apart[-1]
-    assert apart[0] != ()
-    assert compiled.breakpoints(declared, end) == cs.compile(compiled.model).breakpoints(declared, end)
+    assert (apart[0] == apart[-1]) == (name == "stop_and_go")
+    assert len(apart[-1]) >= 3
 
 
 @pytest.mark.parametrize(
