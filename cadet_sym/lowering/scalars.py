@@ -26,7 +26,7 @@ def scalars(function: ca.Function, module: Module) -> list[str]:
     steps = operations(function)
     module.kinds.update(step.kind for step in steps)
     pieces = cut(steps, BLOCK)
-    room, size = _room_of_calls(steps, max(pieces.scratch, len(pieces.ranges) > 1))
+    room, size = _room_of_calls(steps, max(pieces.scratch, int(len(pieces.ranges) > 1)))
     writer = _Writer(steps, pieces, room, module)
     blocks, begin = pieces.ranges, f"define internal void @self({arguments(function)}) nounwind {{"
     work = [f"  %w = alloca [{size} x double], align 32"] * bool(size)
