@@ -26,14 +26,14 @@ from cadet_sym.language.expression import parse, symbol
 from cadet_sym.language.library import LIBRARY
 from cadet_sym.language.vocabulary import Lookup
 from cadet_sym.lowering.elements import element_function
-from cadet_sym.lowering.llvm import repeated
+from cadet_sym.lowering.functions import SMALL
+from cadet_sym.lowering.llvm import intermediate
 from cadet_sym.lowering.machine import machine_code
 from cadet_sym.lowering.operations import size
 
 X, Y = symbol("x"), symbol("y")
 STDS, MEANS, CORRELATION = (0.3, 1.0, 3.0), (0.3, -0.5), 0.4
 PLACES, REPEATS = 60, 15
-EFFORT_UP_TO = 20_000  # operations
 
 BOUNDS = {"closed form": 2.0, "over one argument": 10.0, "over two arguments": 200.0}
 
@@ -113,10 +113,10 @@ def seconds(run: Callable[[], object]) -> float:
     return best
 
 
-def in_virtual_machine(function: ca.Function, m: np.ndarray, S: np.ndarray) -> float:
+def in_virtual_machine(over: ca.Function, m: np.ndarray, S: np.ndarray) -> float:
     """Seconds for one place."""
-    buffer, evaluate = function.map("over", "serial", len(m), [2], []).buffer()
-    results = [np.empty((len(m), function.numel_out(k))) for k in range(2)]
+    buffer, evaluate = over.buffer()
+    results = [np.empty(over.numel_out(k)) for k in range(2)]
     for k, given in enumerate((m, S)):
         buffer.set_arg(k, memoryview(given))
     for k, result in enumerate(results):
@@ -124,15 +124,15 @@ def in_virtual_machine(function: ca.Function, m: np.ndarray, S: np.ndarray) -> f
     return seconds(evaluate) / len(m)
 
 
-def as_machine_code(function: ca.Function, m: np.ndarray, S: np.ndarray) -> tuple[float, float]:
+def as_machine_code(over: ca.Function, m: np.ndarray, S: np.ndarray) -> tuple[float, float]:
     """Seconds for one place, and to write and compile the code."""
     begin = time.process_time()
-    code = machine_code(repeated(function, "element"), "element_over", effort=int(size(function) < EFFORT_UP_TO))
+    code = machine_code(intermediate(over, "element"), "element", effort=int(size(over) <= SMALL))
     made = time.process_time() - begin
-    run = code.function("element_over", ctypes.c_int64, *[ctypes.c_void_p] * 5)
-    results = [np.empty((len(m), function.numel_out(k))) for k in range(2)]
+    run = code.function("element", *[ctypes.c_void_p] * 5)
+    results = [np.empty(over.numel_out(k)) for k in range(2)]
     given = [each.ctypes.data for each in (m, S, np.zeros(1), *results)]
-    return seconds(lambda: run(len(m), *given)) / len(m), made
+    return seconds(lambda: run(*given)) / len(m), made
 
 
 def row(name: str) -> None:
@@ -145,8 +145,9 @@ def row(name: str) -> None:
     function = element_function(df, ())
     made = time.process_time() - begin
     m, S = places(len(arguments))
-    virtual = in_virtual_machine(function, m, S)
-    machine, compiled = as_machine_code(function, m, S)
+    over = function.map("over", "serial", PLACES, [2], [])
+    virtual = in_virtual_machine(over, m, S)
+    machine, compiled = as_machine_code(over, m, S)
     bound = BOUNDS[kind(df)]
     print(
         f"{name:<27}{kind(df):<20}{bound:6.0f}{1e6 * virtual:11.2f}{1e6 * machine:11.2f}{virtual / machine:8.1f}"

@@ -27,6 +27,7 @@ CALLED = {
     "radius": Y * sp.sqrt(X**2 + Y**2 + sp.Rational(1, 100)),
     "angle": sp.atan2(Y, X),
     "homogeneous": X**3 / (X**2 + 2 * Y**2),
+    "one inside the other": sp.Abs(Y) * sp.sqrt(sp.Abs(X)) * X,
     "curves": curve(X, 20) * curve(Y, 20),
 }
 
@@ -176,3 +177,17 @@ def test_models_that_call_functions_run_as_machine_code():
     assert histories["stiff"].provenance.engine == Stiff.name
     for history in histories.values():
         np.testing.assert_allclose(history.state_covariance, histories["direct"].state_covariance, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("body", [CALLED["one inside the other"], sp.Max(X**2 - Y, 0)])
+def test_for_export_nothing_is_called_and_the_numbers_are_the_same(body):
+    x, v, w = sp.symbols("x v w")
+    vehicle = cs.Vehicle(rates={x: v, v: -x - v - body.subs({X: x, Y: v}) + w})
+    functions = cs.compile(cs.Model(vehicle, noise=cs.Noise(names=("w",), intensity=sp.eye(1)), duration=2)).functions
+    alone = functions.unrolled()
+    assert functions.calls
+    assert not alone.calls
+    y = [0.3, -0.2, 0.5, 0.1, 0.8]
+    np.testing.assert_allclose(np.array(alone.rate(0, y, [])), np.array(functions.rate(0, y, [])), rtol=1e-13)
+    jacobians = (np.array(ca.densify(each.jacobian(0, y, []))) for each in (alone, functions))
+    np.testing.assert_allclose(*jacobians, rtol=1e-9, atol=1e-12)

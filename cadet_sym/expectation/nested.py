@@ -71,6 +71,7 @@ class Nested:
     steps: tuple[Step, ...]
     crossings: tuple[Crossing, ...]
     error: float = field(compare=False)  # as such rules leave; `lowering.measured` knows more of this one
+    written_out: bool = False  # scalar operations alone, however many nodes
 
     def kinks(self) -> Iterator[tuple[int, sp.Expr]]:
         """Arguments and positions of kinks."""
@@ -97,6 +98,12 @@ class Nested:
             if crossing.slope == 0 and crossing.width is not None:
                 symbol = self.slices[0].part.argument
                 yield crossing.argument, crossing.start, crossing.width.xreplace({symbol: sp.S.Zero})
+
+    def written_with(self, change: Callable[[DescribingFunction], DescribingFunction]) -> Nested:
+        """The same of scalar operations alone, its expectations over the others changed."""
+        slices = tuple(replace(s, inner=change(s.inner), slope=change(s.slope)) for s in self.slices)
+        steps = tuple(replace(step, inner=change(step.inner)) for step in self.steps)
+        return replace(self, slices=slices, steps=steps, written_out=True)
 
     @property
     def nodes(self) -> int:

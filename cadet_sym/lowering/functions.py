@@ -130,9 +130,12 @@ class MomentFunctions:
         function = getattr(self, f"{name}_head" if loops else name)
         if (count := size(function)) > (LARGEST if self.jit else LARGE):
             return None
+
+        def text() -> str:
+            return carried_code(self, function, name) if loops else intermediate(function, name)
+
         thorough = self.jit or count <= SMALL
         with contextlib.suppress(ValueError):  # an operation that only CasADi knows
-            text = carried_code(self, function, name) if loops else intermediate(function, name)
             return machine_code(text, name, shelf=self._shelf, effort=int(thorough))
         return None
 

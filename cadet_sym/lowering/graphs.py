@@ -13,7 +13,7 @@ import casadi as ca
 from cadet_sym.lowering.instructions import Module, arguments, counted, instructions, literal
 from cadet_sym.lowering.operations import kinds as names
 
-__all__ = ["choice", "graph", "mapped", "over"]
+__all__ = ["choice", "graph", "mapped"]
 
 LARGEST = 4096
 """Numbers that a function may keep on the stack."""
@@ -76,9 +76,8 @@ def mapped(function: ca.Function, module: Module) -> list[str]:
     """The lines of `@self`, a function that is called for every column of its arguments."""
     info = function.info()
     called, count = info["f"], info["n"]
-    sizes = [*map(called.nnz_in, range(called.n_in())), *map(called.nnz_out, range(called.n_out()))]
     name, given = module.name_of(called), arguments(function)
-    module.loops[f"{name}.over"] = over(f"{name}.over", name, given, sizes)
+    module.loops[f"{name}.over"] = _over(called, name)
     return [
         f"define internal void @self({given}) nounwind {{",
         f"  call void @{name}.over(i64 {count}, {given})",
@@ -87,13 +86,14 @@ def mapped(function: ca.Function, module: Module) -> list[str]:
     ]
 
 
-def over(name: str, called: str, given: str, sizes: Sequence[int]) -> str:
-    """The text of a function NAME(count, ...) that calls another so many times, its pointers going on by these sizes."""
-    here, pointers = [], given.split(", ")
+def _over(function: ca.Function, name: str) -> str:
+    """NAME.over(count, ...), which calls a function so many times, its pointers going on from column to column."""
+    here, pointers = [], arguments(function).split(", ")
+    sizes = [*map(function.nnz_in, range(function.n_in())), *map(function.nnz_out, range(function.n_out()))]
     for k, (pointer, size) in enumerate(zip(pointers, sizes, strict=True)):
         here += [f"  %f{k} = mul i64 %k, {size}", f"  %p{k} = getelementptr double, {pointer}, i64 %f{k}"]
-    here.append(f"  call void @{called}({', '.join(f'ptr %p{k}' for k in range(len(pointers)))})")
-    return counted(name, pointers, here)
+    here.append(f"  call void @{name}({', '.join(f'ptr %p{k}' for k in range(len(pointers)))})")
+    return counted(f"{name}.over", pointers, here)
 
 
 def choice(function: ca.Function, module: Module) -> list[str]:

@@ -11,11 +11,11 @@ from collections.abc import Callable, Mapping
 
 import casadi as ca
 
-from cadet_sym.lowering.graphs import choice, graph, mapped, over
-from cadet_sym.lowering.instructions import PRELUDE, arguments, declarations
+from cadet_sym.lowering.graphs import choice, graph, mapped
+from cadet_sym.lowering.instructions import PRELUDE, declarations
 from cadet_sym.lowering.scalars import scalars
 
-__all__ = ["intermediate", "repeated"]
+__all__ = ["intermediate"]
 
 WRITERS: Mapping[str, Callable[..., list[str]]] = {
     "SXFunction": scalars,
@@ -35,19 +35,6 @@ def intermediate(function: ca.Function, name: str) -> str:
         If something in it is not known here.
     """
     return _Module().text(function, name)
-
-
-def repeated(function: ca.Function, name: str) -> str:
-    """The function under a name, and as NAME_over(count, ...) at so many places: all but its last argument go on with them.
-
-    Raises
-    ------
-    ValueError
-        See `intermediate`.
-    """
-    inputs, outputs = range(function.n_in()), range(function.n_out())
-    sizes = [*map(function.nnz_in, inputs[:-1]), 0, *map(function.nnz_out, outputs)]
-    return intermediate(function, name) + over(f"{name}_over", name, arguments(function), sizes)
 
 
 class _Module:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import ctypes
 import ctypes.util
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -55,7 +55,7 @@ def available() -> bool:
 
 
 def machine_code(
-    text: str,
+    text: str | Callable[[], str],
     *names: str,
     shelf: Shelf | None = None,
     effort: int = 1,
@@ -65,6 +65,7 @@ def machine_code(
 
     Parameters
     ----------
+    text : or what writes it, where the shelf has nothing else of these names; it is then read without its being written.
     names : of the functions wanted.
     shelf : where the code is kept, if anywhere.
     effort : 0 compiles six times as fast as 1 to code half as fast; 1 is for long stretches of arithmetic; 2 is for loops.
@@ -72,11 +73,12 @@ def machine_code(
     """
     import llvmlite.binding as llvm
 
-    made_of = "\n".join([text, str(effort), llvm.get_host_cpu_name(), str(llvm.llvm_version_info)])
+    written = text if isinstance(text, str) else ""
+    made_of = "\n".join([written, str(effort), llvm.get_host_cpu_name(), str(llvm.llvm_version_info)])
     name = f"{names[0]}-{hashlib.sha256(made_of.encode()).hexdigest()[:24]}.o"
     code = None if shelf is None else shelf.read(name)
     if code is None:
-        code = _compiled(text, effort)
+        code = _compiled(text if isinstance(text, str) else text(), effort)
         if shelf is not None:
             shelf.write(name, code)
     for each, address in (symbols or {}).items():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import reduce
+from functools import lru_cache, reduce
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from cadet_sym.lowering.joint import Joint
 
 SPREADS = (-4.0, -2.0, 0.0, 2.0, 4.0)
+TOGETHER = 8  # nodes of one call, by which it is faster and larger
 PARALLEL = 1e-100  # a kink of the others that does not move with the outer argument is crossed nowhere
 
 
@@ -58,16 +59,15 @@ class _Conditioning:
         for piece in nested.slices:
             low, high = self._ends(piece)
             for nodes in self._nodes(piece, low, high):
-                z = self._points(piece, nodes)
-                value, inner, slope = self._given(piece.inner, piece.slope, z, nodes.u)
                 weight = ca.if_else(high > low, nodes.weight, 0)
-                F += _sum(weight, value)
-                gains[nested.outer] += _sum(weight, slope)
+                value, slope, inner = self._sums(piece.inner, piece.slope, self._points(piece, nodes), nodes.u, weight)
+                F += value
+                gains[nested.outer] += slope
                 for a, i in enumerate(nested.others):
-                    gains[i] += _sum(weight, inner[a, :])
+                    gains[i] += inner[a]
         for step in nested.steps:
             phi, u = outer.density(step.position)
-            value, _, _ = self._given(step.inner, step.inner, outer.value(step.position), -u)
+            value, _, _ = self._sums(step.inner, step.inner, outer.value(step.position), -u, ca.SX(1))
             gains[nested.outer] += phi / outer.s * value
         return F, gains
 
@@ -145,17 +145,22 @@ class _Conditioning:
         end = piece.part.upper if side > 0 else piece.part.lower
         return outer.value(end) - side * outer.s * (nodes.distance + beyond_reach(outer, end, side))
 
-    def _given(self, df: DescribingFunction, slope: DescribingFunction, z: ca.SX, u: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Expectation of f, its gains, and the expectation of the slope, at every point of a column."""
+    def _sums(
+        self, df: DescribingFunction, slope: DescribingFunction, z: ca.SX, u: ca.SX, weight: ca.SX
+    ) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Sums over nodes of the expectation of f, of the expectation of its slope, and of its gains."""
         symbols = (df.body.free_symbols | slope.body.free_symbols) - set(df.arguments) - {self.symbol}
         free = tuple(sorted(symbols, key=str))
-        function = _inner_function(df, slope, (self.symbol, *free))
-        u, z = ca.SX(u).T, ca.SX(z).T
-        means = self.means + ca.mtimes(ca.vertcat(*self.lean), u)
-        parameters = ca.vertcat(*(self.outer.value(symbol) for symbol in free))
-        q = ca.vertcat(z, ca.repmat(parameters, 1, z.shape[1])) if free else z
-        F, gains, slopes = function(means, ca.repmat(self.covariances, 1, z.shape[1]), q)
-        return F, gains, slopes
+        count = ca.SX(z).numel()
+        together = next(k for k in range(min(TOGETHER, count), 0, -1) if count % k == 0)
+        nodes = _inner_function(df, slope, (self.symbol, *free), together)
+        columns = [ca.reshape(ca.SX(x), together, count // together) for x in (z, u, weight + ca.SX.zeros(count))]
+        same = [self.means, ca.vertcat(*self.lean), self.covariances, ca.vertcat(*(self.outer.value(s) for s in free))]
+        if self.nested.written_out or count == together:
+            totals = sum((nodes(*(x[:, k] for x in columns), *same) for k in range(count // together)), start=ca.SX(0))
+        else:
+            totals = _called(nodes, count // together)(*columns, *same)
+        return totals[0], totals[1], totals[2:]
 
 
 def _frozen(u: ca.SX, width: ca.SX) -> tuple[ca.SX, ca.SX]:
@@ -164,20 +169,38 @@ def _frozen(u: ca.SX, width: ca.SX) -> tuple[ca.SX, ca.SX]:
     return ca.floor(u / width * 2**10) / 2**10 * width, width
 
 
-def _sum(weight: ca.SX, values: ca.SX) -> ca.SX:
-    """What is infinite at a singular end has no weight there."""
-    return ca.dot(weight, ca.if_else(weight != 0, values.T, 0))
+@lru_cache(maxsize=256)
+def _inner_function(
+    df: DescribingFunction, slope: DescribingFunction, free: tuple[sp.Symbol, ...], count: int
+) -> ca.Function:
+    """What a few nodes add: (z, u, weights, means, lean, covariances, parameters) -> sums of F, E[slope] and gains.
 
-
-def _inner_function(df: DescribingFunction, slope: DescribingFunction, free: tuple[sp.Symbol, ...]) -> ca.Function:
-    """(m, S, q) -> F, gain, E[slope]: two functions under one distribution share what they need of it."""
+    Functions under one distribution share what they need of it. What is infinite at a singular end has no weight there.
+    """
     from cadet_sym.lowering.joint import Joint
 
-    m, S = ca.SX.sym("m", len(df.means)), ca.SX.sym("S", len(df.covariances))
-    q = ca.SX.sym("q", len(free))
-    joint = Joint(m, S, {symbol: q[i] for i, symbol in enumerate(free)})
-    F, gain = joint.expectation_and_gain(df)
-    return ca.Function("inner", [m, S, q], [F, gain, joint.expectation(slope) + _moving_jumps(df, joint, free[0])])
+    size = len(df.means)
+    z, u, weights = (ca.SX.sym(name, count) for name in ("z", "u", "weights"))
+    m, lean, S = ca.SX.sym("m", size), ca.SX.sym("lean", size), ca.SX.sym("S", len(df.covariances))
+    q, total = ca.SX.sym("q", len(free) - 1), ca.SX.zeros(2 + size)
+    for k in range(count):
+        joint = Joint(m + lean * u[k], S, dict(zip(free, (z[k], *ca.vertsplit(q)), strict=True)))
+        F, gain = joint.expectation_and_gain(df)
+        values = ca.vertcat(F, joint.expectation(slope) + _moving_jumps(df, joint, free[0]), gain)
+        total += weights[k] * ca.if_else(weights[k] != 0, values, 0)
+    total = ca.densify(total)
+    arguments = [z, u, weights, m, lean, S, q]
+    function = ca.Function("nodes", arguments, [total])
+    return function if function.find_functions() else ca.Function("nodes", arguments, [ca.cse(total)])
+
+
+@lru_cache(maxsize=256)
+def _called(nodes: ca.Function, calls: int) -> ca.Function:
+    """The same of many columns of nodes, never put in line."""
+    columns = [ca.MX.sym(name, nodes.size1_in(k), calls) for k, name in enumerate(("z", "u", "weights"))]
+    same = [ca.MX.sym(f"same{k}", nodes.size1_in(k)) for k in range(3, 7)]
+    total = nodes.map("many", "serial", calls, [3, 4, 5, 6], [0])(*columns, *same)
+    return ca.Function("nested", [*columns, *same], [total], {"never_inline": True})
 
 
 def _moving_jumps(df: DescribingFunction, joint: Joint, z: sp.Symbol) -> ca.SX:

@@ -13,6 +13,7 @@ import sympy as sp
 
 from cadet_sym.errors import ExportError
 from cadet_sym.expectation.conditional import Product
+from cadet_sym.expectation.describing import DescribingFunction
 from cadet_sym.expectation.homogeneous import with_one_rule
 from cadet_sym.expectation.nested import Nested
 from cadet_sym.expectation.planar import Planar
@@ -40,11 +41,13 @@ def unrolled(equations: MomentEquations) -> MomentEquations:
 
 
 def _element(element: Nonlinearity, where: str, numbers: Mapping[sp.Symbol, float]) -> Nonlinearity:
-    df = element.describing
+    describing = _function(element.describing, where, numbers)
+    return element if describing is element.describing else replace(element, describing=describing)
+
+
+def _function(df: DescribingFunction, where: str, numbers: Mapping[sp.Symbol, float]) -> DescribingFunction:
     products = tuple(_fixed(product, where, numbers) for product in df.products)
-    if all(a is b for a, b in zip(products, df.products, strict=True)):
-        return element
-    return replace(element, describing=replace(df, products=products))
+    return df if all(a is b for a, b in zip(products, df.products, strict=True)) else replace(df, products=products)
 
 
 def _fixed(
@@ -54,6 +57,8 @@ def _fixed(
         return with_counts(part, COUNTS, numbers)
     if isinstance(part, Homogeneous):
         return with_one_rule(part, numbers)
+    if isinstance(part, Nested):
+        return part.written_with(lambda df: _function(df, where, numbers))
     if not isinstance(part, Product) or not part.pairs:
         return part
     if part.pairs > MANY_PAIRS:
