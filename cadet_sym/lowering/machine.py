@@ -9,17 +9,14 @@ from __future__ import annotations
 import ctypes
 import ctypes.util
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-import numpy as np
+from cadet_sym.cache import Shelf
 
-from cadet_sym.cache import Shelf, digest, shelf
-from cadet_sym.lowering.instructions import counted
-
-__all__ = ["MachineCode", "address", "available", "in_turn", "machine_code"]
+__all__ = ["MachineCode", "address", "available", "machine_code"]
 
 
 @dataclass(frozen=True)
@@ -87,39 +84,6 @@ def machine_code(
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
     return MachineCode({each: engine.get_function_address(each) for each in names}, engine)
-
-
-def in_turn(function: Any, calls: Sequence[Sequence[float]]) -> list[int]:
-    """Make many calls of a function that returns an integer, one after the other, as one call."""
-    kinds = [_KINDS[each] for each in function.argtypes]
-    table, status = np.zeros((len(calls), len(kinds))), np.zeros(len(calls), dtype=np.int64)
-    for j, kind in enumerate(kinds):  # every argument in a place of eight bytes
-        column = table[:, j] if kind == "double" else table.view(np.int64)[:, j]
-        column[:] = [call[j] for call in calls]
-    there = ctypes.cast(function, ctypes.c_void_p).value
-    _in_turn(tuple(kinds))(len(calls), there, address(table), address(status))
-    return status.tolist()
-
-
-_KINDS = {ctypes.c_void_p: "ptr", ctypes.c_double: "double", ctypes.c_int64: "i64"}
-
-
-@cache
-def _in_turn(kinds: tuple[str, ...]) -> Any:
-    loads = []
-    for j, kind in enumerate(kinds):
-        loads += [f"  %p{j} = getelementptr i64, ptr %row, i64 {j}", f"  %x{j} = load {kind}, ptr %p{j}"]
-    body = [
-        f"  %first = mul i64 %k, {len(kinds)}",
-        "  %row = getelementptr i64, ptr %table, i64 %first",
-        *loads,
-        f"  %found = call i64 %function({', '.join(f'{kind} %x{j}' for j, kind in enumerate(kinds))})",
-        "  %place = getelementptr i64, ptr %status, i64 %k",
-        "  store i64 %found, ptr %place",
-    ]
-    text = counted("in_turn", ("ptr %function", "ptr %table", "ptr %status"), body)
-    code = machine_code(text, "in_turn", shelf=shelf(digest(text)), effort=0)
-    return code.function("in_turn", ctypes.c_int64, *[ctypes.c_void_p] * 3)
 
 
 def _compiled(text: str, effort: int) -> bytes:
