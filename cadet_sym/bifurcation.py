@@ -18,6 +18,7 @@ from cadet_sym.solve.branches import Branch, find_branches, stable_pieces
 from cadet_sym.solve.freeze import Conditions, conditions
 from cadet_sym.solve.freeze import freeze as hold
 from cadet_sym.solve.named import name_moments
+from cadet_sym.stationary import rest
 from cadet_sym.tables import aligned, plain
 
 if TYPE_CHECKING:
@@ -228,7 +229,7 @@ def branches(
         lambda value: hold(compiled.functions, held(value)),
         (low, high),
         parameter,
-        start=compiled.rest(held(low).p),
+        start=rest(compiled.functions, held(low).p),
     )
     known = compiled.model.parameters.get(parameter)
     named = [_named(compiled, branch, held) for branch in found.branches]

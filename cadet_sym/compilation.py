@@ -28,6 +28,7 @@ from cadet_sym.lowering.functions import MomentFunctions
 if TYPE_CHECKING:
     from cadet_sym.language.model import Model
     from cadet_sym.lowering.system import LoweredSystem
+    from cadet_sym.lowering.validity import Validity
 
 __all__ = ["Compiled", "from_file", "from_model"]
 
@@ -46,6 +47,33 @@ class Compiled:
     def declared(self) -> npt.NDArray[np.float64]:
         """p: the declared numbers of the parameters that have one of their own."""
         return np.array([float(self.declaration.values[name]) for name in self.functions.parameters])
+
+    def column(self, name: str) -> int:
+        """The entry of p that a parameter is."""
+        if name not in self.functions.parameters:
+            known = ", ".join(self.functions.parameters) or "none"
+            raise ModelError(f"`{name}` is not a parameter with a number of its own; those are: {known}.")
+        return self.functions.parameters.index(name)
+
+    def vectors(self, values: Mapping[str, npt.ArrayLike], runs: int) -> npt.NDArray[np.float64]:
+        """P (runs, count): the declared numbers, with values of some in their place; not to be written to."""
+        if not values:
+            return self.declared[None]
+        p = np.repeat(self.declared[None], runs, axis=0)
+        columns = {name: self.column(name) for name in values}
+        for name, column in columns.items():
+            p[:, column] = np.asarray(values[name], dtype=float)
+        if any(name in self.functions.facts.integrated for name in values):
+            for row in p.tolist():
+                self._validity.include({name: row[column] for name, column in columns.items()})
+        return p
+
+    @cached_property
+    def _validity(self) -> Validity:
+        """What quadratures were chosen for, and looked at since."""
+        from cadet_sym.lowering.validity import Validity
+
+        return Validity(self.functions, self.declaration.values)
 
 
 def from_file(path: Path, parameters: Mapping[str, Any], grid: Grid) -> Compiled:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
-from functools import cached_property, lru_cache
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
@@ -17,19 +17,15 @@ from cadet_sym.lowering.facts import Declaration
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.packing import Packing
 from cadet_sym.results import MomentHistory, PeriodicMoments, Provenance
-from cadet_sym.runs import Names, Runs, named, run_all, starts_of
+from cadet_sym.runs import Names, Runs, output_times, run_all, run_cycle, starts_of
 from cadet_sym.solutions import StationaryMoments, StationarySolutions
 from cadet_sym.solve.breakpoints import find_breakpoints
 from cadet_sym.solve.start import initial_moments
-from cadet_sym.solve.transient import Start, check_times, integrate
 
 if TYPE_CHECKING:
     from cadet_sym.language.model import Model
-    from cadet_sym.lowering.validity import Validity
     from cadet_sym.moments import MomentEquations
-    from cadet_sym.solve.freeze import Conditions
     from cadet_sym.solve.frozen import FrozenProblem
-    from cadet_sym.solve.stationary import StationaryPoint
 
 __all__ = ["CompiledModel", "compile"]
 
@@ -116,32 +112,9 @@ class CompiledModel:
         """Names of the parameters that have a number of their own, in the order of p."""
         return self.functions.parameters
 
-    @cached_property
-    def _validity(self) -> Validity:
-        """What quadratures were chosen for, and looked at since."""
-        from cadet_sym.lowering.validity import Validity
-
-        return Validity(self.functions, self.declaration.values)
-
     def parameter_vector(self, values: Mapping[str, float] | None = None) -> Array:
         """p: the declared numbers, with `values` in their place where given."""
-        return np.array(self._parameter_vectors({name: [value] for name, value in (values or {}).items()}, 1)[0])
-
-    def _parameter_vectors(self, values: Mapping[str, npt.ArrayLike], runs: int) -> Array:
-        """P (runs, count), of samples side by side; not to be written to."""
-        if not values:
-            return self._made.declared[None]
-        p = np.repeat(self._made.declared[None], runs, axis=0)
-        for name, column in values.items():
-            if name not in self.parameters:
-                known = ", ".join(self.parameters) or "none"
-                raise ModelError(f"`{name}` is not a parameter with a number of its own; those are: {known}.")
-            p[:, self.parameters.index(name)] = np.asarray(column, dtype=float)
-        if any(name in self.functions.facts.integrated for name in values):
-            for row in p.tolist():
-                own = dict(zip(self.parameters, row, strict=True))
-                self._validity.include({name: own[name] for name in values})
-        return p
+        return np.array(self._made.vectors(_alone(values), 1)[0])
 
     def initial(self, parameters: Mapping[str, float] | None = None) -> Array:
         """The packed moments at t = 0.
@@ -183,7 +156,7 @@ class CompiledModel:
         SolverError
             If the integration fails; says when, where, and what was reached. `partial` is the history up to there.
         """
-        p = self._parameter_vectors({name: [value] for name, value in (parameters or {}).items()}, 1)
+        p = self._made.vectors(_alone(parameters), 1)
         return self._run(p, times, duration, points, rtol, engine, alike=bool(parameters))[0]
 
     def propagate_all(
@@ -211,7 +184,7 @@ class CompiledModel:
         counts = {column.size for column in columns.values()}
         if len(counts) != 1:
             raise ModelError("runs at once need at least one parameter, and as many values of each.")
-        p = self._parameter_vectors(columns, *counts)
+        p = self._made.vectors(columns, *counts)
         return self._run(p, times, duration, points, rtol, engine, alike=True)
 
     def _run(
@@ -225,7 +198,7 @@ class CompiledModel:
         *,
         alike: bool,
     ) -> Runs:
-        grid, rtol = self._grid(times, duration, points), self.declaration.rtol if rtol is None else rtol
+        grid, rtol = output_times(self._made, times, duration, points), self.declaration.rtol if rtol is None else rtol
         return run_all(self._made, p, grid, rtol=rtol, engine=engine, alike=alike, derivatives=self.gradient)
 
     def periodic(
@@ -252,25 +225,7 @@ class CompiledModel:
         SolverError
             If no cycle was found: the largest Floquet multiplier says why.
         """
-        from cadet_sym.solve.periodic import find_cycle
-
-        p = self.parameter_vector(parameters)
-        values = dict(zip(self.parameters, p.tolist(), strict=True))
-        begin = Start(self.initial(values), p, self.breakpoints(p, period) if period > 0 else ())
-        cycle = find_cycle(self.functions, begin, period)
-        grid = check_times(np.linspace(0.0, period, points))
-        run = integrate(self.functions, Start(cycle.y, p, begin.breakpoints), grid, rtol=1e-9)
-        more = {"newton steps": float(cycle.steps), "periods marched": float(cycle.periods)}
-        run = replace(run, statistics={**run.statistics, **more})
-        found = named(self._made, run, p, derivatives=None)  # those of the run are not those of the cycle
-        record = {each.name: getattr(found, each.name) for each in fields(found)}
-        return PeriodicMoments(
-            **record,
-            period=float(period),
-            stable=cycle.stable,
-            multipliers=cycle.multipliers,
-            residual=cycle.residual,
-        )
+        return run_cycle(self._made, self.parameter_vector(parameters), float(period), points)
 
     def gradient(
         self,
@@ -308,26 +263,15 @@ class CompiledModel:
 
         check_method(method)
         names = self.parameters if parameters is None else tuple(parameters)
-        for each in names:
-            if each not in self.parameters:
-                known = ", ".join(self.parameters) or "none"
-                raise ModelError(f"`{each}` is not a parameter with a number of its own; those are: {known}.")
+        columns = [self._made.column(each) for each in names]
         entries = [start_entry(self.functions, each) for each in initial]
         for each, entry in zip(initial, entries, strict=True):
             if entry < 0:
                 raise ModelError(f"`{each}` is not a state or a pair of states; those are: {', '.join(self.states)}.")
-        grid = check_times([self.declaration.duration] if times is None else times)
+        grid = output_times(self._made, [self.declaration.duration] if times is None else times)
         find = Gradient(self.functions, lambda p: starts_of(self._made, p[None], float(grid[-1]))[0])
-        columns = [self.parameters.index(each) for each in names]
         wanted = quantity(self.functions, name, moment)
         return find(wanted, self.parameter_vector(values), columns, entries, grid, method)
-
-    def _grid(self, times: npt.ArrayLike | None, duration: float | None, points: int | None) -> Array:
-        """The output times of a run."""
-        if times is not None:
-            return check_times(times)
-        end = self.declaration.duration if duration is None else duration
-        return _even_times(float(end), self.declaration.points if points is None else points)
 
     def frozen(
         self,
@@ -400,46 +344,10 @@ class CompiledModel:
         SolverError
             If no solution was found: what was tried, the best residual, and the eigenvalue to blame.
         """
-        from cadet_sym.solve.freeze import conditions, freeze
-        from cadet_sym.solve.search import stationary_points
-        from cadet_sym.solve.stationary import stationary_point
+        from cadet_sym.stationary import find_stationary
 
-        p = self.parameter_vector(parameters)
-        held = conditions(self.functions, p, speed, at)
-        problem = freeze(self.functions, held)
-        rest = self.rest(p)
-        if start is not None:  # what drifts has no value to begin with
-            rest = np.where(np.isnan(start.state_mean), rest[0], start.state_mean), np.nan_to_num(start.state_covariance)
-        points = stationary_points(problem, rest) if all else (stationary_point(problem, rest),)
-        found = tuple(self._fixed_point(point, held) for point in points)
-        return StationarySolutions(found) if all else found[0]
-
-    def rest(self, p: Array) -> tuple[Array, Array]:
-        """Mean and covariance from which stationary moments are looked for: the declared start, without any spread."""
-        n = len(self.states)
-        offset = np.asarray(self.functions.vehicle_start(p)[0]).ravel()
-        return np.concatenate([offset, np.zeros(n - len(offset))]), np.zeros((n, n))
-
-    def _fixed_point(self, point: StationaryPoint, held: Conditions) -> StationaryMoments:
-        """Name the moments of a stationary point."""
-        from cadet_sym.solve.named import name_moments
-
-        named = name_moments(self.functions, point.mean, point.covariance, point.drift, held)
-        return StationaryMoments(
-            model=self.declaration.name,
-            states=self.states,
-            outputs=self.outputs,
-            state_mean=named.state_mean,
-            state_covariance=named.state_covariance,
-            output_mean=named.output_mean,
-            output_variance=named.output_variance,
-            stable=point.stable,
-            residual=point.residual,
-            eigenvalues=point.eigenvalues,
-            drifting=named.drifting,
-            path=point.path,
-            provenance=self.provenance(f"exact Newton ({point.path[-1]})", 0.0, {}, held.p),
-        )
+        found = find_stationary(self._made, self.parameter_vector(parameters), speed, at, all, start)
+        return found if all else found[0]
 
     def provenance(self, engine: str, rtol: float, statistics: Mapping[str, float], p: Array) -> Provenance:
         """How a result of this model was obtained, at the parameters p."""
@@ -478,6 +386,6 @@ class CompiledModel:
         return export_c(self.functions, run, path, prefix=prefix, force=force, fmu=fmu, matlab=matlab)
 
 
-@lru_cache(maxsize=16)
-def _even_times(end: float, points: int) -> Array:
-    return check_times(np.linspace(0.0, end, points))
+def _alone(values: Mapping[str, float] | None) -> dict[str, list[float]]:
+    """Parameters of one run as those of many."""
+    return {name: [value] for name, value in (values or {}).items()}

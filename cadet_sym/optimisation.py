@@ -27,6 +27,7 @@ from cadet_sym.solve.named import loose_outputs
 from cadet_sym.solve.program import ACTIVE, Program, ProgramEnd, minimise
 from cadet_sym.solve.slopes import adjoint_weights, residual_slope, sees_window
 from cadet_sym.solve.stationary import StationaryPoint, stationary_point
+from cadet_sym.stationary import rest
 
 __all__ = ["optimise", "trade_off"]
 
@@ -242,10 +243,10 @@ class _Search:
     def _point(self, x: Array, held: Conditions) -> StationaryPoint:
         """The stable stationary point, from the last one if there was one."""
         problem = freeze(self.compiled.functions, held)
-        rest = self.compiled.rest(held.p)
         self._count[0] += 1
         last = self._count[1]
-        point = stationary_point(problem, rest if last is None else (last.mean, last.covariance))
+        begin = rest(self.compiled.functions, held.p) if last is None else (last.mean, last.covariance)
+        point = stationary_point(problem, begin)
         if not point.stable:
             raise SolverError(f"the stationary state is unstable at {self._shown(x)}.")
         self._refuse_drift(point, held)

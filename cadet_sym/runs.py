@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -19,16 +20,16 @@ from cadet_sym.errors import SolverError
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.memory import Memory
 from cadet_sym.packing import Packing
-from cadet_sym.results import MomentHistory, Provenance
+from cadet_sym.results import MomentHistory, PeriodicMoments, Provenance
 from cadet_sym.solve.breakpoints import breakpoints_of
 from cadet_sym.solve.outputs import outputs_over
 from cadet_sym.solve.senseless import refuse_senseless
 from cadet_sym.solve.start import initial_moments
-from cadet_sym.solve.transient import Start, Trajectory, integrate_all
+from cadet_sym.solve.transient import Start, Trajectory, check_times, integrate, integrate_all
 from cadet_sym.solve.wheels import present_error
 from cadet_sym.version import VERSION
 
-__all__ = ["Names", "Runs", "named", "run_all", "starts_of"]
+__all__ = ["Names", "Run", "Runs", "output_times", "run_all", "run_cycle", "starts_of"]
 
 Array = npt.NDArray[np.float64]
 Derivatives = Callable[..., Array]
@@ -137,11 +138,47 @@ def run_all(
         found = [_with_wheel_error(functions, run, own) for run, own in zip(found, p, strict=True)]
     for error, own in zip(found, p, strict=True):
         if isinstance(error, SolverError) and isinstance(partial := error.details.get("partial"), Trajectory):
-            error.partial = error.details["partial"] = named(made, partial, own, derivatives)  # type: ignore[attr-defined]
+            error.partial = error.details["partial"] = _named(made, partial, own, derivatives)  # type: ignore[attr-defined]
     return Runs(names, p, tuple(found), *outputs_over(functions, grid, y, p), derivatives)
 
 
-def named(made: Compiled, run: Trajectory, p: Array, derivatives: Derivatives | None) -> MomentHistory:
+def output_times(
+    made: Compiled, times: npt.ArrayLike | None, duration: float | None = None, points: int | None = None
+) -> Array:
+    """The output times of a run: those given, or even ones over a duration, by default as declared."""
+    if times is not None:
+        return check_times(times)
+    end = made.declaration.duration if duration is None else duration
+    return _even_times(float(end), made.declaration.points if points is None else points)
+
+
+@lru_cache(maxsize=16)
+def _even_times(end: float, points: int) -> Array:
+    return check_times(np.linspace(0.0, end, points))
+
+
+def run_cycle(made: Compiled, p: Array, period: float, points: int) -> PeriodicMoments:
+    """The cycle of moments that repeat with a period; see `CompiledModel.periodic`."""
+    from cadet_sym.solve.periodic import find_cycle
+
+    functions = made.functions
+    begin = Start(initial_moments(functions, p[None])[0], p, breakpoints_of(functions, p[None], period)[0])
+    cycle = find_cycle(functions, begin, period)
+    grid = check_times(np.linspace(0.0, period, points))
+    run = integrate(functions, Start(cycle.y, p, begin.breakpoints), grid, rtol=1e-9)
+    more = {"newton steps": float(cycle.steps), "periods marched": float(cycle.periods)}
+    run = replace(run, statistics={**run.statistics, **more})
+    found = _named(made, run, p, derivatives=None)  # those of the run are not those of the cycle
+    return PeriodicMoments(
+        **{each.name: getattr(found, each.name) for each in fields(found)},
+        period=period,
+        stable=cycle.stable,
+        multipliers=cycle.multipliers,
+        residual=cycle.residual,
+    )
+
+
+def _named(made: Compiled, run: Trajectory, p: Array, derivatives: Derivatives | None) -> MomentHistory:
     """One run that was integrated, with its outputs."""
     outputs = outputs_over(made.functions, run.time, run.y[None], p[None])
     return Runs(Names.of(made), p[None], (run,), *outputs, derivatives)[0]

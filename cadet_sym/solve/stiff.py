@@ -18,8 +18,8 @@ import numpy.typing as npt
 from cadet_sym.lowering.blas import multiplication
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.lowering.kernel import kernel
-from cadet_sym.solve.backward import MATRICES, PROCEDURES, REFRESH, STALLED, STATE, VECTORS
-from cadet_sym.solve.breakdown import Breakdown
+from cadet_sym.solve.backward import MATRICES, PROCEDURES, REFRESH, STATE, VECTORS
+from cadet_sym.solve.breakdown import Breakdown, settled
 from cadet_sym.solve.evaluate import behind, gains
 from cadet_sym.solve.implicit import scaled_form
 from cadet_sym.solve.lyapunov import ModalForm
@@ -72,13 +72,7 @@ class Stiff:
                     found.ctypes.data, state.ctypes.data,
                 )  # fmt: skip
         self.steps += int(state[4])
-        if status:
-            reason = "Its steps shrink to nothing." if status == STALLED else "It took too many steps."
-            here = work[1 : 1 + size].copy()
-            raise Breakdown(reason, found[: int(state[7])], float(state[0]), here)
-        if not np.isfinite(found).all():
-            raise Breakdown("the result is not finite")
-        return found
+        return settled(found, status, int(state[7]), float(state[0]), work[1 : 1 + size].copy())
 
     @property
     def takes_threads(self) -> bool:
