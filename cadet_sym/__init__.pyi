@@ -8,6 +8,7 @@ from .compiled import CompiledModel as CompiledModel
 from .compiled import compile as compile
 from .controlled import simulate as simulate
 from .errors import CadetError as CadetError
+from .errors import ExpectationWarning as ExpectationWarning
 from .errors import ExportError as ExportError
 from .errors import LinearisationError as LinearisationError
 from .errors import ModelError as ModelError

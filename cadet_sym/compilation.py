@@ -10,7 +10,8 @@ from __future__ import annotations
 import dataclasses
 import json
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
@@ -21,9 +22,10 @@ import numpy.typing as npt
 
 from cadet_sym import cache
 from cadet_sym.delay import CHOICES
-from cadet_sym.errors import ModelError
+from cadet_sym.errors import ExpectationWarning, ModelError
 from cadet_sym.lowering.facts import Declaration, Facts, declaration
 from cadet_sym.lowering.functions import MomentFunctions
+from cadet_sym.warning import warn
 
 if TYPE_CHECKING:
     from cadet_sym.language.model import Model
@@ -91,6 +93,7 @@ def from_file(path: Path, parameters: Mapping[str, Any], grid: Grid) -> Compiled
         facts = _facts(found["key"])
         if facts is not None:
             shelf.use()
+            _warn_of(facts.doubts)
             declared = Declaration(**found["declaration"])
             read = partial(_read_again, path, dict(parameters), declared.hash)
             return Compiled(declared, _functions(facts, read, found["key"]), read)
@@ -116,13 +119,13 @@ def _from_model(model: Model, grid: Grid) -> tuple[str, MomentFunctions]:
     for key in (general, own):
         facts = _facts(key)
         if facts is not None:
+            _warn_of(facts.doubts)
             return key, _functions(facts, partial(_same, model), key)
-    from cadet_sym.lowering.survey import is_accurate, survey
+    from cadet_sym.lowering.survey import survey
 
-    lowered = _lowered(model, grid)
-    facts = survey(lowered.equations, lowered.parameters)
-    if not is_accurate(lowered.equations):  # a warning that is due each time
-        return "", MomentFunctions(facts, partial(_same, lowered))
+    lowered, doubts = _lowered_and_doubted(model, grid)
+    _warn_of(doubts)
+    facts = survey(lowered.equations, lowered.parameters, doubts)
     key = general if facts.general else own
     shelf = cache.shelf(key)
     if shelf is not None:
@@ -148,7 +151,27 @@ def _functions(facts: Facts, model: Callable[[], Model], key: str) -> MomentFunc
 def _lowered_again(model: Callable[[], Model], facts: Facts) -> LoweredSystem:
     delay = facts.delay
     gap = None if delay is None else delay.tracks[0].gaps[0]
-    return _lowered(model(), None if gap is None else (gap.elements, gap.modes))
+    return _lowered_and_doubted(model(), None if gap is None else (gap.elements, gap.modes))[0]  # warned of already
+
+
+def _lowered_and_doubted(model: Model, grid: Grid) -> tuple[LoweredSystem, tuple[str, ...]]:
+    """Every symbolic stage, and what there is to warn of, which is due each time that the model is compiled."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", ExpectationWarning)
+        lowered = _lowered(model, grid)
+    worst: dict[str, ExpectationWarning] = {}
+    for each in caught:
+        doubt = each.message
+        if not isinstance(doubt, ExpectationWarning):
+            warnings.warn_explicit(doubt, each.category, each.filename, each.lineno)
+        elif doubt.where not in worst or doubt.error > worst[doubt.where].error:
+            worst[doubt.where] = doubt
+    return lowered, tuple(map(str, worst.values()))
+
+
+def _warn_of(doubts: Iterable[str]) -> None:
+    for doubt in doubts:
+        warn(ExpectationWarning(doubt))
 
 
 def _lowered(model: Model, grid: Grid) -> LoweredSystem:

@@ -121,3 +121,11 @@ def _rebuild(kind: type[ModelError], message: str, state: dict[str, Any]) -> Mod
     error = kind(message)
     error.__dict__.update(state)
     return error
+
+
+class ExpectationWarning(UserWarning):
+    """An expectation is less accurate than it should be: where, and its relative error."""
+
+    def __init__(self, message: str, where: str = "", error: float = 0.0) -> None:
+        super().__init__(message)
+        self.where, self.error = where, error

@@ -194,9 +194,13 @@ def test_a_warning_of_an_inexact_expectation_comes_every_time(path):
     seen = []
     for _ in range(2):
         with pytest.warns() as caught:
-            cs.compile(path)
+            compiled = cs.compile(path)
         seen.append([str(each.message) for each in caught])
+        assert {each.filename for each in caught} == {__file__}, "told where the package was called"
     assert seen[0] == seen[1]
+    assert len(seen[0]) == 2, "the worst of the element and of the output"
+    compiled.propagate()
+    assert "symbolic" not in vars(compiled.functions), "read from the cache all the same"
 
 
 def test_the_command_shows_and_clears_it(path, place, capsys, monkeypatch):

@@ -15,9 +15,8 @@ from conftest import ROOT
 from gaussian_integrals import covariance, two
 
 import cadet_sym as cs
-from cadet_sym.errors import LinearisationError
+from cadet_sym.errors import ExpectationWarning, LinearisationError
 from cadet_sym.expectation import describing_function
-from cadet_sym.expectation.quadrature import ExpectationWarning
 from cadet_sym.language.expression import parse, symbol
 from cadet_sym.language.numeric import evaluate
 from cadet_sym.lowering.check import check

@@ -12,12 +12,11 @@ from gaussian_integrals import one
 from sympy.core.symbol import Str
 
 import cadet_sym as cs
-from cadet_sym.errors import LinearisationError
+from cadet_sym.errors import ExpectationWarning, LinearisationError
 from cadet_sym.expectation import describing_function
 from cadet_sym.expectation.cells import Cell
 from cadet_sym.expectation.conditional import Product
 from cadet_sym.expectation.pieces import Splitter
-from cadet_sym.expectation.quadrature import ExpectationWarning
 from cadet_sym.language.expression import Lookup, parse, symbol
 from cadet_sym.language.numeric import evaluate
 from cadet_sym.lowering.check import check

@@ -7,7 +7,7 @@ import warnings
 import pytest
 
 import cadet_sym as cs
-from cadet_sym.expectation.quadrature import ExpectationWarning
+from cadet_sym.errors import ExpectationWarning
 
 MODEL = """
 schema = 1

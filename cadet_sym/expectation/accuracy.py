@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -10,12 +9,13 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from cadet_sym.errors import LinearisationError, ModelError
+from cadet_sym.errors import ExpectationWarning, LinearisationError, ModelError
 from cadet_sym.expectation.algebra import NumpyAlgebra
 from cadet_sym.expectation.panels import REACH, lay_out
 from cadet_sym.expectation.pieces import affine
-from cadet_sym.expectation.quadrature import ExpectationWarning, Integral, Rule, Wish
+from cadet_sym.expectation.quadrature import Integral, Rule, Wish
 from cadet_sym.language.numeric import evaluate
+from cadet_sym.warning import warn
 
 WARNED = 1e-8
 FLOOR = 1e-3  # of the largest value at the same variance: what an error is relative to at least
@@ -69,12 +69,11 @@ def chosen(part: Integral, where: str, wish: Wish) -> Integral:
         if best.error <= wish.error:
             return best
     if known and WARNED < best.error < np.inf:
-        warnings.warn(
+        text = (
             f"{where}: quadrature of `{part.value}` is accurate to {best.error:.0e} only; "
-            "write it in steps that are less steep, or check it with cs.check",
-            ExpectationWarning,
-            stacklevel=2,
+            "write it in steps that are less steep, or check it with cs.check"
         )
+        warn(ExpectationWarning(text, where, best.error))
     if known and best.error == np.inf:
         raise LinearisationError(
             f"{where}: no finite value was found for the expectation of `{part.value}`: it may be infinite somewhere, or "

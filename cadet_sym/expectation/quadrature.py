@@ -12,10 +12,6 @@ from cadet_sym.expectation.steep import Steep, singular_at, steep_places
 from cadet_sym.expectation.tame import growing
 
 
-class ExpectationWarning(UserWarning):
-    """An expectation is less accurate than it should be."""
-
-
 @dataclass(frozen=True)
 class Wish:
     """How accurate an expectation shall be, and for what numbers of the parameters."""

@@ -72,6 +72,7 @@ class Facts:
     general: bool  # whether the functions serve for any numbers of the parameters
     speed_ends: float | None = None  # the last time at which a measured speed is known
     integrated: tuple[str, ...] = ()  # parameters whose numbers the order of a quadrature was chosen for
+    doubts: tuple[str, ...] = ()  # what is warned of whenever the model is compiled, though it comes from the cache
 
     def to_json(self) -> bytes:
         """The facts as text."""
@@ -84,7 +85,7 @@ class Facts:
         found["packing"] = Packing(**found["packing"])
         found["filters"] = tuple(FilterPlace(**each) for each in found["filters"])
         found["delay"] = _delay(found["delay"])
-        for name in ("states", "outputs", "parameters", "arguments", "integrated"):
+        for name in ("states", "outputs", "parameters", "arguments", "integrated", "doubts"):
             found[name] = tuple(found[name])
         return cls(**found)
 

@@ -6,23 +6,23 @@ depends on the function, and is looked at for the moments of a short grid.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 import sympy as sp
 
+from cadet_sym.errors import ExpectationWarning
 from cadet_sym.expectation.accuracy import WARNED
 from cadet_sym.expectation.describing import DescribingFunction
 from cadet_sym.expectation.nested import Nested
-from cadet_sym.expectation.quadrature import ExpectationWarning
 from cadet_sym.language.expression import DISTANCE, SPEED, TIME, symbol
 from cadet_sym.linearisation import Nonlinearity
 from cadet_sym.lowering.check import Truth
 from cadet_sym.lowering.elements import element_function
 from cadet_sym.lowering.survey import with_elements
 from cadet_sym.moments import MomentEquations
+from cadet_sym.warning import warn
 
 __all__ = ["measured", "measured_error", "numbers_at_start"]
 
@@ -43,20 +43,19 @@ def measured(equations: MomentEquations) -> MomentEquations:
     """The same equations with the errors of such integrals as they are; a warning names what is not accurate."""
     numbers = numbers_at_start(equations)
 
-    def with_error(element: Nonlinearity, _: str) -> Nonlinearity:
+    def with_error(element: Nonlinearity, where: str) -> Nonlinearity:
         df = element.describing
         if not any(isinstance(product, Nested) for product in df.products):
             return element
         scale = max(form.scale(numbers) for form in element.forms)
         error = measured_error(df, numbers, scale)
         if error > WARNED:
-            warnings.warn(
-                f"the element `{element.name}`: the expectation of `{df.body}` and its gains are accurate to {error:.0e} only, "
-                f"at standard deviations of its arguments up to {scale * WIDEST:g}: it switches or oscillates across several; "
-                "write it as a sum of products of functions of one linear form each, or see with cs.check where it is worst",
-                ExpectationWarning,
-                stacklevel=2,
+            text = (
+                f"{where}: the expectation of `{df.body}` and its gains are accurate to {error:.0e} only, at standard "
+                f"deviations of its arguments up to {scale * WIDEST:g}: it switches or oscillates across several; write it as "
+                "a sum of products of functions of one linear form each, or see with cs.check where it is worst"
             )
+            warn(ExpectationWarning(text, where, error))
         products = (replace(p, error=error) if isinstance(p, Nested) else p for p in df.products)
         return replace(element, describing=replace(df, products=tuple(products)))
 

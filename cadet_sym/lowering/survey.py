@@ -6,18 +6,17 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 from cadet_sym.augmentation import AugmentedSystem
-from cadet_sym.expectation.accuracy import WARNED
 from cadet_sym.expectation.describing import DescribingFunction
 from cadet_sym.language.expression import DISTANCE, TIME
 from cadet_sym.linearisation import Nonlinearity, OutputForm
 from cadet_sym.lowering.facts import Facts, FilterPlace
 from cadet_sym.moments import MomentEquations
 
-__all__ = ["describing_functions", "is_accurate", "survey", "with_elements"]
+__all__ = ["describing_functions", "survey", "with_elements"]
 
 
-def survey(equations: MomentEquations, parameters: tuple[str, ...]) -> Facts:
-    """The facts of a system of moment equations."""
+def survey(equations: MomentEquations, parameters: tuple[str, ...], doubts: tuple[str, ...] = ()) -> Facts:
+    """The facts of a system of moment equations; `doubts` is what there is to warn of."""
     quasi_linear = equations.quasi_linear
     system, initial = quasi_linear.system, quasi_linear.system.model.initial
     closed = all(not describing.nodes for describing in describing_functions(equations))
@@ -44,6 +43,7 @@ def survey(equations: MomentEquations, parameters: tuple[str, ...]) -> Facts:
         general=closed and len(system.copies) < 2,
         speed_ends=_speed_ends(system),
         integrated=_integrated(equations, parameters),
+        doubts=doubts,
     )
 
 
@@ -65,11 +65,6 @@ def _integrated(equations: MomentEquations, parameters: tuple[str, ...]) -> tupl
     return tuple(name for name in parameters if name in found)
 
 
-def is_accurate(equations: MomentEquations) -> bool:
-    """Whether no expectation is so inexact that a warning is due whenever it is used."""
-    return all(describing.error <= WARNED for describing in describing_functions(equations))
-
-
 def describing_functions(equations: MomentEquations) -> Iterator[DescribingFunction]:
     """Those of all elements, of the rates and of the outputs and their variances."""
     for element in equations.quasi_linear.elements:
@@ -85,8 +80,8 @@ Change = Callable[[Nonlinearity, str], Nonlinearity]
 def with_elements(equations: MomentEquations, change: Change) -> MomentEquations:
     """The same equations with other elements, of the rates, of the outputs and of their variances; themselves if none is."""
     quasi_linear = equations.quasi_linear
-    elements = tuple(change(element, element.describing.name) for element in quasi_linear.elements)
-    outputs = {name: _with_elements(form, f"output `{name}`", change) for name, form in quasi_linear.outputs.items()}
+    elements = tuple(change(element, f"the element `{element.describing.name}`") for element in quasi_linear.elements)
+    outputs = {name: _with_elements(form, f"the output `{name}`", change) for name, form in quasi_linear.outputs.items()}
     same = all(a is b for a, b in zip(elements, quasi_linear.elements, strict=True))
     if same and outputs == dict(quasi_linear.outputs):
         return equations

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import sympy as sp
 
+from cadet_sym.errors import ExpectationWarning
 from cadet_sym.expectation import accuracy, homogeneous, smooth
 from cadet_sym.expectation.conditional import Product
 from cadet_sym.expectation.describing import DescribingFunction
 from cadet_sym.expectation.planar import Planar
 from cadet_sym.expectation.polar import Homogeneous
-from cadet_sym.expectation.quadrature import ExpectationWarning
 from cadet_sym.language.expression import symbol
 from cadet_sym.lowering.survey import describing_functions
 
