@@ -133,6 +133,28 @@ def test_a_run_that_may_have_been_misled_is_run_again_and_a_difference_is_told(m
     assert marched[-1].relative < 0.1 * marched[-2].relative
 
 
+def locked(intensity: float) -> cs.CompiledModel:
+    """Two masses on springs, of which noise drives one, and friction hardly lets them move against each other."""
+    x1, v1, x2, v2, z, w = sp.symbols("x1 v1 x2 v2 z w")
+    force = 1000 * cs.Element("friction", [z], sp.sign(z))(v1 - v2)
+    vehicle = cs.Vehicle(rates={x1: v1, v1: -100 * x1 - 2 * v1 - force + w, x2: v2, v2: -400 * x2 - 4 * v2 + force})
+    return cs.compile(cs.Model(vehicle, noise=cs.Noise(names=("w",), intensity=sp.Matrix([[intensity]])), duration=20))
+
+
+@pytest.mark.parametrize("engine", ["auto", "stiff", "direct"])
+@pytest.mark.parametrize("intensity", [1.0, 1e-2])
+def test_masses_that_friction_holds_together_move_as_one(engine, intensity):
+    """Their difference varies by a ten-millionth of what they do, and how its gain answers is as large as its decay."""
+    history = locked(intensity).propagate(engine=engine)
+    assert history.variance["x1"][-1] == pytest.approx(intensity / (2 * 6 * 500), rel=1e-4)
+    difference = history.variance["v1"] + history.variance["v2"] - 2 * history.covariance["v1", "v2"]
+    # Q = 4 F sqrt(2/pi) s where friction balances the noise
+    assert difference[-1] == pytest.approx(np.pi / 2 * (intensity / 4000) ** 2, rel=1e-2)
+    assert history.provenance.statistics["steps"] < 40_000
+    if intensity == 1:  # else it is a matter of rounding, and CVODES may take over
+        assert "then" not in history.provenance.engine
+
+
 ELEMENTS = {
     "Bouc-Wen": ("-10*x - 90*z - 0.4*v + w", "v - 10*abs(v)*z - 10*v*abs(z)"),
     "relay with dead zone": ("-100*x - 30*(1 if v > 0.01 else (-1 if v < -0.01 else 0)) - 0.4*v + w", "-z"),

@@ -3,20 +3,23 @@
 The quasi-constant steps and the modified formulas (NDF) of Shampine & Reichelt, SIAM J. Sci. Comput. 18, 1 (1997). The
 implicit equations of a step are solved by a simplified Newton method with the inverse of I - g L, where L is what the moment
 equations do to a small change while the equivalent gains stay put (see `implicit`): products of n x n matrices, and no matrix
-of n (n + 3) / 2 rows. For `lowering.kernel`.
+of n (n + 3) / 2 rows. What L leaves out, how the gains answer, Broyden's updates of the inverse learn from the iterations
+(Math. Comp. 19, 577 (1965)): it is of low rank, and where friction holds two masses together as large as L itself.
+For `lowering.kernel`.
 """
 
 from __future__ import annotations
 
 from cadet_sym.lowering.kernel import Function, Vector, isfinite, part, sqrt
 
-__all__ = ["MATRICES", "PROCEDURES", "REFRESH", "STALLED", "STATE", "VECTORS", "carry"]
+__all__ = ["MATRICES", "PROCEDURES", "REFRESH", "STALLED", "STATE", "TOO_MANY", "VECTORS", "carry"]
 
 HIGHEST = 5  # order
 ROWS = HIGHEST + 3  # of backward differences
-VECTORS = ROWS + 6  # of working space, as long as y
+PAIRS = 6  # of vectors, of which each makes an update
+VECTORS = ROWS + 7 + 2 * PAIRS  # of working space, as long as y
 MATRICES = 7  # of working space, n x n
-STATE = 12
+STATE = 13
 """Numbers that last from call to call: time, step, order, equal steps, then as `carry` says."""
 
 TOO_MANY, STALLED, REFRESH = 1, 2, 3
@@ -26,7 +29,7 @@ GAMMA = (0.0, 1.0, 1.5, 1.8333333333333333, 2.0833333333333335, 2.28333333333333
 KAPPA = (0.0, -0.1850, -0.1111111111111111, -0.0823, -0.0415, 0.0)
 """The modification of the formula of each order; none is best for order 5."""
 
-ITERATIONS = 4
+ITERATIONS = 5
 """Of Newton's method, at most ..."""
 
 CONVERGED = 0.05
@@ -182,6 +185,46 @@ def share(x: Vector, allowed: Vector, size: int) -> float:
     return sqrt(((one + two) + (three + four)) / float(size))
 
 
+UNLIKE = 0.1
+"""Least share of a move by which the next must differ from it for an update."""
+
+
+def improve(updates: Vector, count: int, z: Vector, size: int) -> int:
+    """Apply the updates of the inverse, z = (1 + u_k w_k') ... (1 + u_1 w_1') z."""
+    for k in range(count):
+        weights = part(updates, 2 * k * size)
+        along = part(updates, (2 * k + 1) * size)
+        total = 0.0
+        for i in range(size):
+            total += weights[i] * z[i]
+        for i in range(size):
+            z[i] += total * along[i]
+    return 0
+
+
+def learn(updates: Vector, count: int, before: Vector, z: Vector, allowed: Vector, size: int) -> int:
+    """From a move and what the inverse finds next, z, one more update; z becomes what it would have found with that.
+
+    Returns the number of updates: without the new one where both are so alike that nothing follows.
+    """
+    across = 0.0
+    length = 0.0
+    for i in range(size):
+        weight = allowed[i] * allowed[i] * before[i]
+        across += weight * z[i]
+        length += weight * before[i]
+    kept = 1.0 - across / length
+    if not kept > UNLIKE:
+        return count
+    weights = part(updates, 2 * count * size)
+    along = part(updates, (2 * count + 1) * size)
+    for i in range(size):
+        z[i] /= kept
+        weights[i] = allowed[i] * allowed[i] * before[i] / length
+        along[i] = z[i]
+    return count + 1
+
+
 def carry(
     rate: Function, multiply: Function, grid: Vector, points: int, y: Vector, size: int, n: int, p: Vector, sizes: Vector,
     relative: float, absolute: float, latest: float, most: int, form: Vector, modes: Vector, pairs: int, work: Vector,
@@ -198,7 +241,7 @@ def carry(
     multiply : see `invert`.
     work : (1 + VECTORS size + MATRICES n^2 + 2 n + 150,). found : (points, size), one after the other.
     state : (STATE,) time, step, order, equal steps, steps, steps refused, rates, points found, whether the form is of here,
-        the g of the weights, how fast Newton's method converged, whether it has begun.
+        the g of the weights, how fast Newton's method converged, whether it has begun, updates of the inverse.
 
     Returns
     -------
@@ -211,7 +254,9 @@ def carry(
     move = part(slope, size)
     known = part(move, size)
     allowed = part(known, size)
-    room = part(allowed, size)
+    earlier = part(allowed, size)
+    updates = part(earlier, size)
+    room = part(updates, 2 * PAIRS * size)
     along_room = MATRICES * n * n + 2 * n + 1
     small = part(room, along_room)
     last = grid[points - 1]
@@ -282,6 +327,7 @@ def carry(
             for i in range(size):
                 slope[i] = g * slope[i] - known[i] - change[i]
             invert(multiply, slope, move, size, n, form, modes, pairs, room)
+            improve(updates, int(state[12]), move, size)
             length = share(move, allowed, size)
             if not isfinite(length):
                 break
@@ -289,11 +335,16 @@ def carry(
                 if length > 2.0 * before:
                     break
                 state[10] = max(0.3 * state[10], length / before)
-                if state[8] == 0.0 and length > STALE * before and before > 1e-6:
-                    break
+                if length > STALE * before and before > 1e-6:
+                    if state[8] == 0.0 and (k > 1 or state[12] == 0.0):
+                        break
+                    if int(state[12]) < PAIRS:  # where a fresh form does no better
+                        state[12] = float(learn(updates, int(state[12]), earlier, move, allowed, size))
+                        length = share(move, allowed, size)
             for i in range(size):
                 value[i] += move[i]
                 change[i] += move[i]
+                earlier[i] = move[i]
             if tries >= least and length * min(1.0, state[10]) < CONVERGED:
                 converged = True
                 break
@@ -303,6 +354,7 @@ def carry(
                 for i in range(size):
                     y[i] = differences[i]
                 return REFRESH
+            state[12] = 0.0
             state[5] += 1.0
             rescale(differences, order, 0.5, size, small, change)
             h *= 0.5
@@ -378,5 +430,5 @@ def carry(
     return TOO_MANY
 
 
-PROCEDURES = (weigh, invert, rescale, share, carry)
+PROCEDURES = (weigh, invert, rescale, share, improve, learn, carry)
 """What is compiled together."""

@@ -11,7 +11,7 @@ from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.solve.course import Start, edges
 from cadet_sym.solve.evaluate import gains_over
 from cadet_sym.solve.native import has_machine_code, have_machine_code
-from cadet_sym.solve.stiff import MANY_STATES
+from cadet_sym.solve.stiff import bdf_compiles
 
 __all__ = ["Modes", "choose", "compiles", "modes"]
 
@@ -82,8 +82,7 @@ def compiles(lowered: MomentFunctions, start: Start, engine: str) -> bool:
     """Whether a run can be machine code."""
     if engine == "native":
         return has_machine_code(lowered, start.p, start.y)
-    facts = lowered.facts
-    return facts.delay is None and facts.packing.n <= MANY_STATES and lowered.machine("rate") is not None
+    return bdf_compiles(lowered)
 
 
 def modes(lowered: MomentFunctions, p: Array, duration: float, along: Array) -> Modes:

@@ -7,7 +7,7 @@ restarted there, for no integrator sees an input that is shorter than its step.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from threading import RLock
@@ -23,7 +23,7 @@ from cadet_sym.solve.krylov import Stepping
 from cadet_sym.solve.native import Native
 from cadet_sym.solve.onset import onset
 from cadet_sym.solve.scales import Tolerance
-from cadet_sym.solve.stiff import Stiff
+from cadet_sym.solve.stiff import Stiff, bdf_compiles
 
 __all__ = ["ENGINES", "Engine", "March", "Start", "Trajectory", "edges", "march"]
 
@@ -34,6 +34,9 @@ SWING = 0.5
 
 PATIENCE = 5_000
 """Steps between two output times after which the gains, held during a step, react too strongly to be held."""
+
+FEW = 700
+"""Packed moments up to which a Jacobian of all of them is a matter of milliseconds (36 states)."""
 
 ENGINES = ("auto", "direct", "implicit", "krylov", "explicit", "stepping", "native", "stiff")
 
@@ -98,14 +101,22 @@ def edges(start: Start, grid: Array) -> list[float]:
 
 
 def march(
-    lowered: MomentFunctions, start: Start, grid: Array, kind: str, tolerance: Tolerance, asked: float | None = None
+    lowered: MomentFunctions,
+    start: Start,
+    grid: Array,
+    kind: str,
+    tolerance: Tolerance,
+    asked: float | None = None,
+    *,
+    alone: bool = False,
 ) -> March:
-    """Integrate stretch by stretch.
+    """Integrate stretch by stretch; an engine alone is left alone: no other takes over what it gives up.
 
     A breakdown leaves as it is, or, where the tolerance asked for is given, explained to the user.
     """
     engine = _engine(lowered, start.p, kind, tolerance)
     y, found, known, doubtful = start.y, np.empty((len(grid), len(start.y))), 0, False
+    names = {engine.name: 0}  # in the order of their appearance, and their steps
     if grid[0] == 0:
         found[0], known = start.y, 1
     for begin, end in itertools.pairwise(edges(start, grid)):
@@ -115,7 +126,7 @@ def march(
         inside = grid[known:last]
         stretch = inside if inside.size and inside[-1] == end else np.append(inside, end)
         try:
-            values, honest = _advance(engine, begin, y, stretch)
+            values, honest, used = _advance(engine, begin, y, stretch, alone)
         except Breakdown as breakdown:
             if asked is None:
                 raise
@@ -125,7 +136,8 @@ def march(
             raise explain(lowered, start.p, breakdown, begin, y, partial) from None
         found[known:last], known = values[: inside.size], last
         y, doubtful = values[-1], doubtful or not honest
-    return March(found, engine.name, engine.steps, doubtful)
+        names[used.name] = names.get(used.name, 0) + used.steps * (used is not engine)
+    return March(found, ", then ".join(names), engine.steps + sum(names.values()), doubtful)
 
 
 def _engine(lowered: MomentFunctions, p: Array, kind: str, tolerance: Tolerance) -> Engine:
@@ -142,23 +154,32 @@ def _engine(lowered: MomentFunctions, p: Array, kind: str, tolerance: Tolerance)
     return Stepping(lowered, p, tolerance, stiff=kind != "stepping", full_newton=kind == "krylov")
 
 
-def _advance(engine: Engine, begin: float, y: Array, stretch: Array) -> tuple[Array, bool]:
-    """One stretch, and whether it began with gains that are those of the run.
+def _advance(engine: Engine, begin: float, y: Array, stretch: Array, alone: bool) -> tuple[Array, bool, Engine]:
+    """One stretch, whether it began with gains that are those of the run, and by which engine.
 
-    What the engine gives up, scikit-sundae's CVODE goes through, or it is said how far it came.
+    What one engine gives up, the next goes through, or it is said how far the first came that knows.
     """
-    try:
-        return _from_onset(engine, begin, y, stretch)
-    except Breakdown as first:
-        if isinstance(engine, Stepping) and (engine.full_newton or not engine.stiff):
-            raise
-        second = Stepping(engine.lowered, engine.p, engine.tolerance, stiff=True, full_newton=True)
+    told: Breakdown | None = None
+    for each in [engine] if alone else _one_after_the_other(engine):
         try:
-            return _from_onset(second, begin, y, stretch)
-        except Breakdown:
-            if first.found is None:
-                raise
-            raise first from None  # who knows to the last step where it was
+            return *_from_onset(each, begin, y, stretch), each
+        except Breakdown as breakdown:
+            if told is None or told.found is None:  # who knows to the last step where it was
+                told = breakdown
+    assert told is not None, "there is at least one engine"
+    raise told
+
+
+def _one_after_the_other(engine: Engine) -> Iterator[Engine]:
+    """An engine and those that take over from it: implicit formulas in machine code from explicit ones, then CVODES."""
+    yield engine
+    lowered, p, tolerance = engine.lowered, engine.p, engine.tolerance
+    if isinstance(engine, Native) and bdf_compiles(lowered):
+        yield Stiff(lowered, p, tolerance)
+    if isinstance(engine, Native | Stiff) and lowered.facts.packing.size <= FEW:
+        yield Direct(lowered, p, tolerance)
+    if not (isinstance(engine, Stepping) and (engine.full_newton or not engine.stiff)):
+        yield Stepping(lowered, p, tolerance, stiff=True, full_newton=True)
 
 
 _turns = RLock()

@@ -47,6 +47,12 @@ CHEAP = 200_000
 MOST = 2_000
 """... and at most: what has not left its first gains by then is stiff with them."""
 
+HELD = 0.1
+"""Change of a gain that was held ..."""
+
+TIMES_OF_DECAY = 10.0
+"""... so many times as long as what is stiff with it takes to settle: it goes with the run from there on."""
+
 FIRST = 1e-15  # of the stretch: the first of the steps that look for a jump
 LAST = 1e-9  # of the stretch: how far they look
 JUMP = 0.01  # of a rate: a larger change from the beginning, and none since, is a jump
@@ -77,9 +83,13 @@ def onset(lowered: MomentFunctions, p: Array, tolerance: Tolerance, begin: float
         return here
     if not (_misleads(lowered, p, tolerance, begin, y, end) or _jumps(lowered, p, begin, y, end)):
         return here
+    before = here
     for here in _stretched(lowered, p, tolerance, begin, y, times):
         if len(here.found) == len(times) or not _misleads(lowered, p, tolerance, here.time, here.y, end, SETTLED):
             return here
+        if _settled(lowered, p, before, here):
+            return here
+        before = here
     return here._replace(honest=False)
 
 
@@ -94,6 +104,20 @@ def _misleads(
     deviation = np.sqrt(np.maximum(variances, 1e-300))
     matters = here * deviation / deviation[:, None] * (end - t) > 1.0
     return not np.all((here <= times * there) | ~matters) if np.isfinite(here).all() else True
+
+
+def _settled(lowered: MomentFunctions, p: Array, before: Onset, here: Onset) -> bool:
+    """Whether the gains have hardly changed for long, by the time in which what is stiff with them decays.
+
+    Friction so strong that two masses hardly move against each other has gains far beyond those of masses that do, and keeps
+    them all along the run.
+    """
+    if not before.steps:  # there the gains had no bound
+        return False
+    earlier, now = (gains(lowered, at.time, at.y, p) for at in (before, here))
+    fastest = np.abs(np.linalg.eigvals(now)).max(initial=0.0) if np.isfinite(now).all() else 0.0
+    held = np.abs(now - earlier) <= HELD * np.abs(now)
+    return bool(held.all() and fastest * (here.time - before.time) >= TIMES_OF_DECAY)
 
 
 def _jumps(lowered: MomentFunctions, p: Array, begin: float, y: Array, end: float) -> bool:

@@ -28,8 +28,9 @@ Array = npt.NDArray[np.float64]
 ABSOLUTE = 1e-2
 """Absolute over relative tolerance, in units of each moment's own size, at rtol 1e-6 and above."""
 
-ROUGH = 1e-2
-"""Tolerance of the rough run."""
+ROUGH, FINER = 1e-2, 1e-5
+"""Tolerance of the rough run; and of another where that fails: strong friction leaves so little of a difference of two
+velocities that errors as large as the first make it negative."""
 
 PATIENCE = 20_000.0
 """Fastest rate of the covariance times duration up to which the rough run is explicit."""
@@ -61,10 +62,11 @@ def _rough_run(lowered: MomentFunctions, start: Start, duration: float) -> Outli
     small = np.sqrt(largest) if largest > 0 else 1.0
     grid = np.linspace(0, duration, 35)[1:] if duration > 0 else np.zeros(1)
     kind = _first_engine(lowered, start, grid, largest)
-    for fraction in (1e-6, 1e-3):
-        guess = Tolerance(ROUGH, ABSOLUTE, np.full(packing.size, fraction * small), STEPS)
+    second = "stiff" if compiles(lowered, start, "stiff") else kind
+    for engine, rtol, fraction in ((kind, ROUGH, 1e-6), (second, FINER, 1e-3)):
+        guess = Tolerance(rtol, ABSOLUTE, np.full(packing.size, fraction * small), STEPS)
         try:
-            y = march(lowered, start, grid, kind, guess).y
+            y = march(lowered, start, grid, engine, guess, alone=rtol == ROUGH).y
         except Breakdown:
             continue
         return Outline(peaks(np.vstack([start.y, y]), packing), np.array([start.y, y[len(y) // 2 - 1], y[-1]]))

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from cadet_sym.lowering.blas import multiplication
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.lowering.kernel import kernel
-from cadet_sym.solve.backward import MATRICES, PROCEDURES, REFRESH, STATE, VECTORS
+from cadet_sym.solve.backward import MATRICES, PROCEDURES, REFRESH, STALLED, STATE, VECTORS
 from cadet_sym.solve.breakdown import Breakdown, settled
 from cadet_sym.solve.evaluate import behind, gains
 from cadet_sym.solve.implicit import scaled_form
@@ -26,7 +26,7 @@ from cadet_sym.solve.lyapunov import ModalForm
 from cadet_sym.solve.scales import Tolerance
 from cadet_sym.solve.threads import one_thread
 
-__all__ = ["MANY_STATES", "ModalArrays", "Stiff", "modal_arrays"]
+__all__ = ["MANY_STATES", "ModalArrays", "Stiff", "bdf_compiles", "modal_arrays"]
 
 Array = npt.NDArray[np.float64]
 
@@ -37,7 +37,10 @@ SINGLE = 60
 """States up to which a product of matrices is not worth a second thread to any library."""
 
 STEPS = 20_000
-"""Most steps of a stretch: more means that the gains react so strongly that other ways are better."""
+"""Most steps of a stretch: more means that the gains react so strongly that other ways are better ..."""
+
+FORMS, SHARE = 200, 0.25
+"""... and so do more modal forms than this, and this share of the steps."""
 
 
 @dataclass
@@ -61,14 +64,19 @@ class Stiff:
         work = np.zeros(1 + VECTORS * size + MATRICES * n * n + 2 * n + 150)
         found, state, sizes = np.empty((len(grid), size)), np.zeros(STATE), np.ascontiguousarray(self.tolerance.size)
         state[0], latest, status = begin, np.nextafter(times[-1], begin), REFRESH
+        forms, most = 0, min(STEPS, self.tolerance.steps)
         while status == REFRESH:
+            forms += 1
+            if forms > FORMS + SHARE * state[4]:
+                status = STALLED
+                break
             form = self._form(float(state[0]), x)
-            state[8], state[9] = 1.0, -1.0
+            state[8], state[9], state[12] = 1.0, -1.0, 0.0
             with one_thread() if self.takes_threads else nullcontext():
                 status = _carry()(
                     rate.addresses["rate"], multiplication(n), times.ctypes.data, len(times), x.ctypes.data,
                     size, n, given.ctypes.data, sizes.ctypes.data, self.tolerance.relative, self.tolerance.absolute, latest,
-                    STEPS, form.matrices.ctypes.data, form.modes.ctypes.data, form.pairs, work.ctypes.data,
+                    most, form.matrices.ctypes.data, form.modes.ctypes.data, form.pairs, work.ctypes.data,
                     found.ctypes.data, state.ctypes.data,
                 )  # fmt: skip
         self.steps += int(state[4])
@@ -88,6 +96,12 @@ class Stiff:
         if not np.isfinite(N).all():
             raise Breakdown("The equivalent gains are not finite.")
         return modal_arrays(scaled_form(N, scale), scale)
+
+
+def bdf_compiles(lowered: MomentFunctions) -> bool:
+    """Whether there is machine code of these formulas for a model."""
+    facts = lowered.facts
+    return facts.delay is None and facts.packing.n <= MANY_STATES and lowered.machine("rate") is not None
 
 
 class ModalArrays(NamedTuple):

@@ -19,6 +19,7 @@ from cadet_sym.errors import ModelError, SolverError
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.memory import Memory
 from cadet_sym.packing import Packing
+from cadet_sym.solve.breakdown import Breakdown
 from cadet_sym.solve.choice import choose, compiles, modes
 from cadet_sym.solve.course import ENGINES, March, Start, Trajectory, edges, march
 from cadet_sym.solve.definite import lost, warn_of_loss
@@ -165,19 +166,28 @@ def _judged(lowered: MomentFunctions, start: Start, grid: Array, plan: _Plan, rt
         run = march(lowered, start, grid, kind, _tolerance(rtol * 1e-3, size, packing, kind), rtol)
         warn_of_loss(grid, run.y, packing, lowered.facts.states)
     if run.doubtful:
-        again = march(lowered, start, grid, kind, _tolerance(rtol * 1e-2, size, packing, kind), rtol)
-        _compare(run.y, again.y, size, rtol)
-        run = again
+        again = _again(lowered, start, grid, kind, _tolerance(rtol * 1e-2, size, packing, kind))
+        _compare(run.y, again.y if again else None, size, rtol)
+        run = again or run
     return run
 
 
-def _compare(y: Array, again: Array, size: Array, rtol: float) -> None:
+def _again(lowered: MomentFunctions, start: Start, grid: Array, kind: str, tolerance: Tolerance) -> March | None:
+    """Another run, if it comes to its end."""
+    try:
+        return march(lowered, start, grid, kind, tolerance)
+    except Breakdown:
+        return None
+
+
+def _compare(y: Array, again: Array | None, size: Array, rtol: float) -> None:
     """Warn where a run whose gains had no bound at the start is another at a hundredth of the tolerance."""
-    change = float((np.abs(again - y) / size).max(initial=0.0))
+    change = np.inf if again is None else float((np.abs(again - y) / size).max(initial=0.0))
     if not change <= max(DIFFERENT, 100 * rtol):
+        found = "there is no run to hold it against" if again is None else f"the moments differ by {change:.1g} of their size"
         warnings.warn(
             "friction holds the system where the run sets out, and its gain there says nothing of the gain later: at a "
-            f"hundredth of the tolerance the moments differ by {change:.1g} of their size, and may do so again. Ask for a "
+            f"hundredth of the tolerance {found}. Ask for a "
             'smaller rtol, or start with a little variance; engine="native" takes no gains, only rates.',
             RuntimeWarning,
             stacklevel=6,
