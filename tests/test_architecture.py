@@ -60,6 +60,18 @@ def test_moments_as_json_loads_no_drawing_or_data_frame():
     assert not loaded_by(code) & (LATE - NEEDED_BY_SYMPY - {"typer", "llvmlite"})
 
 
+def test_a_command_in_a_process_of_its_own_seldom_looks_for_garbage():
+    code = (
+        "import gc\n"
+        "from cadet_sym.__main__ import SELDOM, run\n"
+        "sys.argv = ['cadet-sym', 'moments', 'nowhere.toml']\n"
+        "assert run() == 2\n"
+        "assert gc.get_threshold()[0] == SELDOM\n"
+        "assert gc.get_freeze_count() > SELDOM\n"
+    )
+    assert "cadet_sym" in loaded_by(code)
+
+
 def imported_by(path: Path) -> set[str]:
     """Top-level names of all that a module's text imports, at once or late."""
     found = set()
