@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from itertools import pairwise
+from time import perf_counter
 from typing import Any, Literal, TypedDict, Unpack
 
 import casadi as ca
@@ -28,6 +29,7 @@ from cadet_sym.simulation import simulate as simulate_plainly
 from cadet_sym.simulation.arguments import CHECKED, check_numbers, output_times
 from cadet_sym.simulation.plan import Problem
 from cadet_sym.simulation.twin import Twin
+from cadet_sym.solve.transient import Start, integrate
 
 __all__ = ["Options", "simulate", "twin_of"]
 
@@ -110,6 +112,7 @@ def simulate(
         return simulate_plainly(system, paths, **options)
     declared = system.model if isinstance(system, AugmentedSystem) else system
     options["times"] = times = output_times(declared, options.get("times"))
+    began = perf_counter()
     try:
         if declared.initial.whole:
             raise ModelError(NO_TWIN)
@@ -119,7 +122,9 @@ def simulate(
             raise
         ensemble = simulate_plainly(system, paths, **options)
         return replace(ensemble, notes=(*ensemble.notes, f"Simulated without the quasi-linear system: {error}"))
-    return simulate_plainly(system, paths, twin=twin, insist=bool(control), **options)
+    seconds = {"quasi-linear system": perf_counter() - began}
+    ensemble = simulate_plainly(system, paths, twin=twin, insist=bool(control), **options)
+    return replace(ensemble, seconds={**seconds, **ensemble.seconds})
 
 
 NO_TWIN = (
@@ -136,8 +141,7 @@ def twin_of(compiled: CompiledModel, times: Array) -> Twin:
     times : (k,) output times of the simulation.
     """
     linearised = _Linearised(compiled, times)
-    history, at = linearised.history, np.searchsorted(linearised.history.time, times)
-    return Twin(linearised, history.state_mean[at], history.state_covariance[at])
+    return Twin(linearised, *compiled.packing.unpack(linearised.at(times)))
 
 
 def _knots(start: float, end: float, count: int) -> Array:
@@ -160,9 +164,11 @@ class _Linearised:
         system = augment(compiled.model)  # its moment equations may come from the cache, without their symbols
         self.vehicle, self.states = system.vehicle_size, len(system.states)
         self.motion = Problem(system, times).motion
-        self.edges = np.unique([0.0, *compiled.breakpoints(self.p, end), end])
+        breakpoints = compiled.breakpoints(self.p, end)
+        self.edges = np.unique([0.0, *breakpoints, end])
         stretches = [_knots(a, b, max(8, int(POINTS * (b - a) / end))) for a, b in pairwise(self.edges)]
-        self.history = compiled.propagate(np.unique(np.concatenate([*stretches, times])), rtol=RTOL)
+        begin = Start(compiled.initial(), self.p, breakpoints)
+        self.run = integrate(compiled.functions, begin, np.unique(np.concatenate([*stretches, times])), rtol=RTOL)
         self.splines = [CubicSpline(part, self._gains(part)) for part in stretches]
 
     def __call__(self, time: Array) -> tuple[Array, Array]:
@@ -173,15 +179,18 @@ class _Linearised:
             found[which == k] = spline(np.clip(time[which == k], spline.x[0], spline.x[-1]))
         return found[:, :, :-1], found[:, :, -1]
 
+    def at(self, times: Array) -> Array:
+        """Packed moments (k, size) at some of the times of the run."""
+        return self.run.y[np.searchsorted(self.run.time, times), : self.compiled.packing.moments]
+
     def _gains(self, stretch: Array) -> Array:
         """(k, nv, n + 1): N and g at times of one stretch, its ends taken just inside it."""
-        packing, at = self.compiled.packing, np.searchsorted(self.history.time, stretch)
-        mean, covariance = self.history.state_mean[at], self.history.state_covariance[at]
-        y = np.stack([packing.pack(m, P) for m, P in zip(mean, covariance, strict=True)], axis=1)
+        y = self.at(stretch)
+        mean = y[:, : self.states]
         time = np.minimum(stretch, stretch[-1] - EDGE * (stretch[-1] - stretch[0]))
         ctx = np.stack([time, self.motion.distance(time), self.motion.speed(time), self.motion.rate(time)])
         p = np.repeat(self.p[:, None], len(time), axis=1)
-        N, rate = (part.full() for part in self._function().map(len(time))(y, ctx, p))
+        N, rate = (part.full() for part in self._function().map(len(time))(y.T, ctx, p))
         N = N.reshape(self.vehicle, len(time), self.states).transpose(1, 0, 2)
         return np.concatenate([N, (rate.T - np.einsum("kab,kb->ka", N, mean))[:, :, None]], axis=2)
 
