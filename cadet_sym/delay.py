@@ -44,6 +44,7 @@ __all__ = [
     "choose_grid",
     "delay_grid",
     "grid_error",
+    "grid_errors",
     "pade",
     "radau_nodes",
     "transport_matrix",
@@ -169,15 +170,19 @@ def pade(z: npt.NDArray[np.complexfloating], modes: int) -> npt.NDArray[np.compl
 
 
 def grid_error(exponents: npt.NDArray[np.complexfloating], elements: int, modes: int) -> float:
-    """Largest error of what a gap does to G at constant speed, max |R(z/elements)^elements - exp(z)|.
+    """The largest of `grid_errors`, or zero."""
+    return float(grid_errors(exponents, elements, modes).max(initial=0.0))
+
+
+def grid_errors(
+    exponents: npt.NDArray[np.complexfloating], elements: int, modes: int
+) -> npt.NDArray[np.float64]:
+    """Errors of what a gap does to G at constant speed, |R(z/elements)^elements - exp(z)|.
 
     z = l L/V for the eigenvalues l of N, the gaps L and the speeds V. Conservative for the covariances, by a factor
     of 1 to 100.
     """
-    if not exponents.size:
-        return 0.0
-    discrete = pade(exponents / elements, modes) ** elements
-    return float(np.max(np.abs(discrete - np.exp(exponents))))
+    return np.abs(pade(exponents / elements, modes) ** elements - np.exp(exponents))
 
 
 def choose_grid(

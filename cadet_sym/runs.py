@@ -7,7 +7,7 @@ machine code, the outputs. Every number is the one of a run by itself.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import Any
@@ -26,7 +26,7 @@ from cadet_sym.solve.outputs import outputs_over
 from cadet_sym.solve.senseless import refuse_senseless
 from cadet_sym.solve.start import initial_moments
 from cadet_sym.solve.transient import Start, Trajectory, check_times, integrate, integrate_all
-from cadet_sym.solve.wheels import present_error
+from cadet_sym.solve.wheels import present_errors
 from cadet_sym.version import VERSION
 
 __all__ = ["Names", "Run", "Runs", "output_times", "run_all", "run_cycle", "starts_of"]
@@ -135,7 +135,7 @@ def run_all(
     declared = declared_start(made, end) if alike else None
     y, found = integrate_all(functions, starts, grid, rtol=rtol, engine=engine, declared=declared)
     if functions.facts.delay is not None:
-        found = [_with_wheel_error(functions, run, own) for run, own in zip(found, p, strict=True)]
+        found = _with_wheel_errors(functions, found, y[:, -1], p, end)
     for error, own in zip(found, p, strict=True):
         if isinstance(error, SolverError) and isinstance(partial := error.details.get("partial"), Trajectory):
             error.partial = error.details["partial"] = _named(made, partial, own, derivatives)  # type: ignore[attr-defined]
@@ -184,19 +184,22 @@ def _named(made: Compiled, run: Trajectory, p: Array, derivatives: Derivatives |
     return Runs(Names.of(made), p[None], (run,), *outputs, derivatives)[0]
 
 
-def _with_wheel_error(functions: MomentFunctions, run: Run, p: Array) -> Run:
-    """A run with the estimated error of the grid between the wheels at its end; a warning if it is coarse."""
-    if isinstance(run, Exception):
-        return run
-    moments = run.y[-1, : functions.facts.packing.moments]
-    error = present_error(functions, p, moments, float(run.time[-1]))
-    if error > COARSE:
+def _with_wheel_errors(functions: MomentFunctions, found: Sequence[Run], last: Array, p: Array, end: float) -> list[Run]:
+    """Runs with the estimated error of the grid between the wheels at their end; a warning if it is coarse."""
+    done = [k for k, run in enumerate(found) if isinstance(run, Trajectory)]
+    runs, errors = list(found), np.zeros(len(found))
+    if done:
+        errors[done] = present_errors(functions, p[done], last[done, : functions.facts.packing.moments], end)
+    for k, (run, error) in enumerate(zip(found, errors.tolist(), strict=True)):
+        if isinstance(run, Trajectory):
+            runs[k] = replace(run, statistics={**run.statistics, "wheel grid error": error})
+    if (worst := errors.max()) > COARSE:
         warnings.warn(
-            f"the ground between the wheels may not be resolved (estimated error {error:.1g}); "
+            f"the ground between the wheels may not be resolved (estimated error {worst:.1g}); "
             "compile the model with a finer grid, for example `cs.compile(model, grid=(8, 10))`",
             stacklevel=5,
         )
-    return replace(run, statistics={**run.statistics, "wheel grid error": error})
+    return runs
 
 
 def starts_of(made: Compiled, p: Array, duration: float) -> list[Start]:

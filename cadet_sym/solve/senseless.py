@@ -8,7 +8,7 @@ import numpy.typing as npt
 from cadet_sym.errors import ModelError
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.memory import Memory
-from cadet_sym.solve.evaluate import depends_on
+from cadet_sym.solve.evaluate import depends_on, results, results_shared
 
 __all__ = ["refuse_senseless"]
 
@@ -47,7 +47,7 @@ def refuse_senseless(lowered: MomentFunctions, p: Array, duration: float) -> Non
 
 def _look(lowered: MomentFunctions, p: Array, duration: float) -> bool:
     times = np.linspace(0.0, duration, TIMES)
-    speeds = np.asarray(lowered.motion.map(TIMES)(times[None, :], np.tile(p[:, None], TIMES))[0]).ravel()
+    speeds = results_shared(lowered.motion, TIMES, times, p)[0][:, 0]
     wrong = ~(speeds >= -BACKWARDS * np.abs(speeds).max())
     if wrong.any():
         k = int(np.argmax(wrong)) if not np.isfinite(speeds).all() else int(np.argmin(speeds))
@@ -57,13 +57,13 @@ def _look(lowered: MomentFunctions, p: Array, duration: float) -> bool:
             table="travel",
             key="speed",
         )
-    setbacks = np.asarray(lowered.places(p)[0]).ravel()
+    setbacks = results(lowered.places, p)[0]
     if (setbacks < 0).any():
         raise ModelError(
             f"a setback is a distance behind the leading wheel and not negative: {setbacks.min():g} found", table="contacts"
         )
     grid = lowered.facts.delay
-    behind = np.asarray(lowered.noise(np.zeros(4), p)[2]).ravel()
+    behind = results(lowered.noise, np.zeros(4), p)[2]
     for track in () if grid is None else grid.tracks:
         order = behind[[columns[0] for columns in track.columns]]
         if (np.diff(order) <= 0).any():

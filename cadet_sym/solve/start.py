@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from cadet_sym.errors import ModelError
 from cadet_sym.lowering.functions import MomentFunctions
-from cadet_sym.solve.evaluate import results_over
+from cadet_sym.solve.evaluate import results, results_over, results_shared
 
 __all__ = ["initial_moments", "profile_mean"]
 
@@ -109,15 +109,14 @@ _Along = Callable[[Array], tuple[Array, Array]]
 
 def _response(functions: MomentFunctions, k: int, p: Array) -> npt.NDArray[np.floating]:
     """State of one filter where its wheel stands at the start, from all the profile behind it."""
-    setbacks, edges = (np.asarray(part).ravel() for part in functions.places(p))
-    here = float(functions.motion(0, p)[3]) - float(setbacks[k])
+    setbacks, edges = results(functions.places, p)
+    here = float(results(functions.motion, np.zeros(1), p)[3][0]) - float(setbacks[k])
 
     def along(s: Array) -> tuple[Array, Array]:
         """C (m, r, r) and offset (m, r) at places (m,)."""
         m, r = len(s), functions.facts.filters[k].size
-        found = functions.profiles.map(m)(s[None, :], np.tile(p[:, None], m))
-        C, offset = (np.asarray(found[2 * k + i], dtype=float) for i in (0, 1))
-        return C.reshape(r, m, r).transpose(1, 0, 2), offset.T
+        C, offset = results_shared(functions.profiles, m, s, p)[2 * k : 2 * k + 2]
+        return C.reshape(m, r, r).transpose(0, 2, 1), offset
 
     C = along(np.array([here]))[0][0]
     slowest = float(-np.linalg.eigvals(C).real.max())
