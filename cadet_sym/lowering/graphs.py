@@ -7,16 +7,21 @@ unrolled: an operation on many entries is a loop, and so is the call of a functi
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 
 import casadi as ca
 
-from cadet_sym.lowering.instructions import Module, arguments, counted, instructions, literal
+from cadet_sym.lowering.instructions import Module, arguments, counted, literal
+from cadet_sym.lowering.lanes import over_columns
 from cadet_sym.lowering.operations import kinds as names
 
 __all__ = ["choice", "graph", "mapped"]
 
 LARGEST = 4096
 """Numbers that a function may keep on the stack."""
+
+WIDEST = 64
+"""Numbers that are added to others at once."""
 
 LOOPS = {
     # out = x x x ...
@@ -28,16 +33,6 @@ LOOPS = {
             "  %p = getelementptr double, ptr %out, i64 %f",
             "  %b = mul i64 %n, 8",
             "  call void @llvm.memcpy.p0.p0.i64(ptr %p, ptr %x, i64 %b, i1 false)",
-        ],
-    ),
-    # out = the sum of x, x + n, x + 2 n, ...
-    "summed": counted(
-        "summed",
-        ("ptr %out", "ptr %x", "i64 %n"),
-        [
-            "  %f = mul i64 %k, %n",
-            "  %p = getelementptr double, ptr %x, i64 %f",
-            "  call void @each.ADD(i64 %n, ptr %out, ptr %out, i64 1, ptr %p, i64 1)",
         ],
     ),
     # out_k = x_(at_k)
@@ -57,43 +52,62 @@ LOOPS = {
 """Loops, by name."""
 
 
-def _each(kind: str, operands: int) -> str:
-    """@each.KIND(count, out, x, sx[, y, sy]): an operation on entries that lie sx and sy apart."""
-    body, given = [], ["ptr %out"]
-    for x in ("x", "y")[:operands]:
-        given += [f"ptr %{x}", f"i64 %s{x}"]
-        body += [
-            f"  %f{x} = mul i64 %k, %s{x}",
-            f"  %p{x} = getelementptr double, ptr %{x}, i64 %f{x}",
-            f"  %v{x} = load double, ptr %p{x}",
-        ]
-    body += instructions(0, kind, ("%vx", "%vy")[:operands])
-    body += ["  %o = getelementptr double, ptr %out, i64 %k", "  store double %a0, ptr %o"]
-    return counted(f"each.{kind}", given, body)
+def _accumulated(n: int, weighted: bool) -> str:
+    """@summed.N(count, out, x): out += the sum of N numbers at x, at x + N, at x + 2 N, ..., in this order.
+
+    @multiplied.N(count, out, x, y): the same, each N times their own number of y.
+    """
+    vector, more = f"<{n} x double>", ", ptr %y" if weighted else ""
+    product = [
+        "  %q = getelementptr double, ptr %y, i64 %k",
+        "  %w = load double, ptr %q",
+        f"  %i = insertelement {vector} poison, double %w, i64 0",
+        f"  %s = shufflevector {vector} %i, {vector} poison, <{n} x i32> zeroinitializer",
+        f"  %t = fmul {vector} %v, %s",
+    ]
+    lines = [
+        f"define internal void @{'multiplied' if weighted else 'summed'}.{n}(i64 %count, ptr %out, ptr %x{more}) nounwind {{",
+        "start:",
+        f"  %before = load {vector}, ptr %out, align 8",
+        "  br label %test",
+        "test:",
+        "  %k = phi i64 [0, %start], [%next, %body]",
+        f"  %sum = phi {vector} [%before, %start], [%more, %body]",
+        "  %go = icmp slt i64 %k, %count",
+        "  br i1 %go, label %body, label %end",
+        "body:",
+        f"  %f = mul i64 %k, {n}",
+        "  %p = getelementptr double, ptr %x, i64 %f",
+        f"  %v = load {vector}, ptr %p, align 8",
+        *(product if weighted else []),
+        f"  %more = fadd {vector} %sum, {'%t' if weighted else '%v'}",
+        "  %next = add i64 %k, 1",
+        "  br label %test",
+        "end:",
+        f"  store {vector} %sum, ptr %out, align 8",
+        "  ret void",
+        "}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+@cache
+def _of_entries(operation: int, operands: int) -> ca.Function:
+    """An operation on numbers as a function."""
+    x = [ca.SX.sym(f"x{k}") for k in range(operands)]
+    return ca.Function("entries", x, [ca.SX.binary(operation, *x) if operands == 2 else ca.SX.unary(operation, *x)])
 
 
 def mapped(function: ca.Function, module: Module) -> list[str]:
     """The lines of `@self`, a function that is called for every column of its arguments."""
     info = function.info()
-    called, count = info["f"], info["n"]
-    name, given = module.name_of(called), arguments(function)
-    module.loops[f"{name}.over"] = _over(called, name)
+    name, given = over_columns(info["f"], [False] * function.n_in(), module), arguments(function)
     return [
         f"define internal void @self({given}) nounwind {{",
-        f"  call void @{name}.over(i64 {count}, {given})",
+        f"  call void @{name}(i64 {info['n']}, {given})",
         "  ret void",
         "}",
     ]
-
-
-def _over(function: ca.Function, name: str) -> str:
-    """NAME.over(count, ...), which calls a function so many times, its pointers going on from column to column."""
-    here, pointers = [], arguments(function).split(", ")
-    sizes = [*map(function.nnz_in, range(function.n_in())), *map(function.nnz_out, range(function.n_out()))]
-    for k, (pointer, size) in enumerate(zip(pointers, sizes, strict=True)):
-        here += [f"  %f{k} = mul i64 %k, {size}", f"  %p{k} = getelementptr double, {pointer}, i64 %f{k}"]
-    here.append(f"  call void @{name}({', '.join(f'ptr %p{k}' for k in range(len(pointers)))})")
-    return counted(f"{name}.over", pointers, here)
 
 
 def choice(function: ca.Function, module: Module) -> list[str]:
@@ -146,12 +160,14 @@ class _Graph:
         self.tables: list[str] = []
         self.used, self.count = 0, 0
         self.at: dict[int, str] = {}  # what CasADi has in a register: a pointer ...
-        self.size: dict[int, int] = {}  # ... to so many numbers
+        self.size: dict[int, int] = {}  # ... to so many numbers,
+        self.tiled: dict[int, tuple[str, int]] = {}  # or one to fewer that are there again and again
         self.written = [0] * function.n_out()
 
     def text(self) -> list[str]:
         for k in range(self.function.n_instructions()):
-            kind = names()[self.function.instruction_id(k)]
+            self.operation = self.function.instruction_id(k)
+            kind = names()[self.operation]
             read, into = self.function.instruction_input(k), self.function.instruction_output(k)
             if kind == "OUTPUT":
                 self._output(read[0], into[0])
@@ -175,24 +191,31 @@ class _Graph:
 
     def _output(self, of: int, result: int) -> None:
         there = self._pointer(f"%o{result}", self.written[result])
-        self._copy(there, self.at[of], self.size[of])
+        self._copy(there, self._whole(of), self.size[of])
         self.written[result] += self.size[of]
 
     def _of_const(self, node: ca.MX, _: list[int], into: list[int]) -> None:
         values = node.to_DM().nonzeros()
         numbers = ", ".join(f"double {literal(value)}" for value in values)
-        self.at[into[0]], self.size[into[0]] = self._table(f"[{len(values)} x double] [{numbers}]"), len(values)
+        self._part(into[0], self._table(f"[{len(values)} x double] [{numbers}]"), 0, len(values))
 
     def _of_call(self, node: ca.MX, read: list[int], into: list[int]) -> None:
-        called = node.which_function()
+        called, first = node.which_function(), ""
+        if called.class_name() == "Map":  # what is the same in every column need not be there for each
+            info = called.info()
+            shared = [i in self.tiled and self.tiled[i][1] == info["f"].nnz_in(k) for k, i in enumerate(read)]
+            name, first = over_columns(info["f"], shared, self.module), f"i64 {info['n']}, "
+            given = [self.tiled[i][0] if same else self._whole(i) for i, same in zip(read, shared, strict=True)]
+        else:
+            name, given = self.module.name_of(called), [self._whole(i) for i in read]
         results = [self._new(to, called.nnz_out(j)) for j, to in enumerate(into)]
-        given = ", ".join(f"ptr {pointer}" for pointer in [*(self.at[i] for i in read), *results])
-        self.lines.append(f"  call void @{self.module.name_of(called)}({given})")
+        pointers = ", ".join(f"ptr {pointer}" for pointer in [*given, *results])
+        self.lines.append(f"  call void @{name}({first}{pointers})")
 
     def _of_horzsplit(self, node: ca.MX, read: list[int], into: list[int]) -> None:
         parts, first = node.info()["output"], 0
         for j, to in enumerate(into):
-            self._part(to, self.at[read[0]], first, parts.nnz_out(j))
+            self._part(to, self._whole(read[0]), first, parts.nnz_out(j))
             first += parts.nnz_out(j)
 
     def _of_vertsplit(self, node: ca.MX, read: list[int], into: list[int]) -> None:
@@ -200,7 +223,7 @@ class _Graph:
         self._of_horzsplit(node, read, into)
 
     def _of_horzcat(self, node: ca.MX, read: list[int], into: list[int]) -> None:
-        parts, first = [(self.at[i], self.size[i]) for i in read], 0
+        parts, first = [(self._whole(i), self.size[i]) for i in read], 0
         there = self._new(into[0], node.nnz())
         for pointer, size in parts:
             self._copy(self._pointer(there, first), pointer, size)
@@ -211,18 +234,28 @@ class _Graph:
         self._of_horzcat(node, read, into)
 
     def _of_horzrepmat(self, node: ca.MX, read: list[int], into: list[int]) -> None:
-        x, n = self.at[read[0]], self.size[read[0]]
-        self._loop("tiled", node.nnz() // max(n, 1), self._new(into[0], node.nnz()), x, f"i64 {n}")
+        x, n = self._whole(read[0]), self.size[read[0]]
+        self._part(into[0], "null", 0, node.nnz())
+        self.tiled[into[0]] = x, n
 
     def _of_horzrepsum(self, node: ca.MX, read: list[int], into: list[int]) -> None:
-        x, count, n = self.at[read[0]], self.size[read[0]], node.nnz()
+        x, count, n = self._whole(read[0]), self.size[read[0]], node.nnz()
         there = self._new(into[0], n)
-        self.module.loops["each.ADD"] = _each("ADD", 2)
         self.lines.append(f"  call void @llvm.memset.p0.i64(ptr {there}, i8 0, i64 {8 * n}, i1 false)")
-        self._loop("summed", count // max(n, 1), there, x, f"i64 {n}")
+        self._accumulate("summed", n, f"i64 {count // max(n, 1)}, ptr {there}, ptr {x}")
+
+    def _of_mtimes(self, node: ca.MX, read: list[int], into: list[int]) -> None:
+        (rows, columns), n = node.shape, node.dep(1).shape[1]
+        self._only(all(each.is_dense() for each in (node, node.dep(1), node.dep(2))), "sparse matrices are multiplied")
+        before, x, y = (self._whole(i) for i in read)
+        there = self._new(into[0], node.nnz())
+        self._copy(there, before, node.nnz())
+        for k in range(columns):
+            given = self._pointer(there, k * rows), x, self._pointer(y, k * n)
+            self._accumulate("multiplied", rows, f"i64 {n}, ptr {given[0]}, ptr {given[1]}, ptr {given[2]}")
 
     def _of_reshape(self, node: ca.MX, read: list[int], into: list[int]) -> None:
-        self._part(into[0], self.at[read[0]], 0, node.nnz())
+        self._part(into[0], self._whole(read[0]), 0, node.nnz())
 
     def _of_transpose(self, node: ca.MX, read: list[int], into: list[int]) -> None:
         rows, columns = node.shape
@@ -237,11 +270,11 @@ class _Graph:
         count = node.nnz()
         sizes = [self.size[i] for i in read]
         self._only(all(size in (1, count) for size in sizes), f"matrices of other sparsity meet in `{kind.lower()}`")
-        self.module.kinds.add(kind)
-        self.module.loops[f"each.{kind}"] = _each(kind, len(read))
-        given = [f"ptr {self.at[i]}, i64 {int(size == count)}" for i, size in zip(read, sizes, strict=True)]
-        there = self._new(into[0], count)
-        self.lines.append(f"  call void @each.{kind}(i64 {count}, ptr {there}, {', '.join(given)})")
+        operation = _of_entries(self.operation, len(read))
+        name = over_columns(operation, [size != count for size in sizes], self.module)
+        given = [self._whole(i) for i in read]
+        pointers = ", ".join(f"ptr {each}" for each in (*given, self._new(into[0], count)))
+        self.lines.append(f"  call void @{name}(i64 {count}, {pointers})")
 
     # -- memory -----------------------------------------------------------------------------------------------
 
@@ -249,13 +282,20 @@ class _Graph:
         """A place of its own; of what is not used the register is negative."""
         there = self._pointer("%w", self.used)
         self.used += size
-        if register >= 0:
-            self.at[register], self.size[register] = there, size
+        self._part(register, there, 0, size)
         return there
 
     def _part(self, register: int, pointer: str, first: int, size: int) -> None:
         if register >= 0:
             self.at[register], self.size[register] = self._pointer(pointer, first), size
+            self.tiled.pop(register, None)
+
+    def _whole(self, register: int) -> str:
+        """Where its numbers are, all of them."""
+        if register in self.tiled:
+            (x, n), size = self.tiled[register], self.size[register]
+            self._loop("tiled", size // max(n, 1), self._new(register, size), x, f"i64 {n}")
+        return self.at[register]
 
     def _pointer(self, pointer: str, first: int) -> str:
         if not first:
@@ -270,14 +310,19 @@ class _Graph:
     def _pick(self, source: int, register: int, which: Sequence[int]) -> None:
         first = which[0] if which else 0
         if list(which) == list(range(first, first + len(which))):
-            self._part(register, self.at[source], first, len(which))
+            self._part(register, self._whole(source), first, len(which))
             return
-        x, table = self.at[source], self._table(f"[{len(which)} x i64] [{', '.join(f'i64 {i}' for i in which)}]")
+        x, table = self._whole(source), self._table(f"[{len(which)} x i64] [{', '.join(f'i64 {i}' for i in which)}]")
         self._loop("picked", len(which), self._new(register, len(which)), x, f"ptr {table}")
 
     def _loop(self, name: str, count: int, there: str, x: str, more: str) -> None:
         self.module.loops[name] = LOOPS[name]
         self.lines.append(f"  call void @{name}(i64 {count}, ptr {there}, ptr {x}, {more})")
+
+    def _accumulate(self, name: str, n: int, given: str) -> None:
+        self._only(0 < n <= WIDEST, f"so many numbers as {n} are added to others")
+        self.module.loops[f"{name}.{n}"] = _accumulated(n, name == "multiplied")
+        self.lines.append(f"  call void @{name}.{n}({given})")
 
     def _table(self, values: str) -> str:
         name = f"@self.c{len(self.tables)}"

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 import casadi as ca
 
-__all__ = ["PRELUDE", "Module", "arguments", "counted", "declarations", "instructions", "literal"]
+__all__ = ["ONE", "PRELUDE", "SEVERAL", "Module", "Numbers", "arguments", "counted", "declarations", "literal"]
 
 
 class Module(Protocol):
@@ -34,19 +35,23 @@ declare void @llvm.memset.p0.i64(ptr, i8, i64, i1)
 """What every module may call."""
 
 ARITHMETIC: Mapping[str, str] = {
-    "ADD": "fadd double {0}, {1}",
-    "SUB": "fsub double {0}, {1}",
-    "MUL": "fmul double {0}, {1}",
-    "DIV": "fdiv double {0}, {1}",
-    "NEG": "fneg double {0}",
-    "SQ": "fmul double {0}, {0}",
-    "TWICE": "fadd double {0}, {0}",
-    "INV": "fdiv double 1.0, {0}",
-    "SQRT": "call double @llvm.sqrt.f64(double {0})",
-    "FABS": "call double @llvm.fabs.f64(double {0})",
-    "COPYSIGN": "call double @llvm.copysign.f64(double {0}, double {1})",
-    "FLOOR": "call double @llvm.floor.f64(double {0})",
-    "CEIL": "call double @llvm.ceil.f64(double {0})",
+    # N stands for the type of the numbers
+    "ADD": "fadd N {0}, {1}",
+    "SUB": "fsub N {0}, {1}",
+    "MUL": "fmul N {0}, {1}",
+    "DIV": "fdiv N {0}, {1}",
+    "NEG": "fneg N {0}",
+    "SQ": "fmul N {0}, {0}",
+    "TWICE": "fadd N {0}, {0}",
+    "INV": "fdiv N 1.0, {0}",
+}
+
+INTRINSICS: Mapping[str, str] = {
+    "SQRT": "sqrt",
+    "FABS": "fabs",
+    "COPYSIGN": "copysign",
+    "FLOOR": "floor",
+    "CEIL": "ceil",
 }
 
 COMPARISONS: Mapping[str, str] = {"LT": "olt", "LE": "ole", "EQ": "oeq", "NE": "une"}
@@ -70,7 +75,7 @@ FUNCTIONS: Mapping[str, str] = {
     },
 }
 
-TWO_OPERANDS = {"pow", "fmin", "fmax", "atan2", "fmod", "remainder", "hypot"}
+TWO_OPERANDS = {"copysign", "pow", "fmin", "fmax", "atan2", "fmod", "remainder", "hypot"}
 
 
 def literal(value: float) -> str:
@@ -107,51 +112,102 @@ def counted(name: str, arguments: Sequence[str], body: Sequence[str]) -> str:
 
 def declarations(kinds: Iterable[str]) -> list[str]:
     """Of the functions that operations of these kinds call."""
-    kinds = set(kinds)
-    called = {FUNCTIONS[kind] for kind in kinds if kind in FUNCTIONS}
-    called |= {f"llvm.{kind.lower()}.f64" for kind in ("SQRT", "FABS", "FLOOR", "CEIL") if kind in kinds}
-    texts = []
-    if "COPYSIGN" in kinds:
-        texts.append("declare double @llvm.copysign.f64(double, double)")
-    for one in sorted(called):
-        types = "double, double" if one in TWO_OPERANDS else "double"
-        texts.append(f"declare double @{one}({types}) nounwind")
-    return texts
+    called = {}
+    for kind in set(kinds) & FUNCTIONS.keys():
+        called[FUNCTIONS[kind]] = _declaration(FUNCTIONS[kind], FUNCTIONS[kind], "double")
+    for kind in set(kinds) & INTRINSICS.keys():
+        for numbers in (ONE, SEVERAL):
+            name = f"llvm.{INTRINSICS[kind]}.{numbers.suffix}"
+            called[name] = _declaration(name, INTRINSICS[kind], numbers.type)
+    return [called[name] for name in sorted(called)]
 
 
-def instructions(k: int, kind: str, x: Sequence[str]) -> list[str]:
-    """Register %a<k> from its operands.
+def _declaration(name: str, function: str, type: str) -> str:
+    return f"declare {type} @{name}({', '.join([type] * (1 + (function in TWO_OPERANDS)))}) nounwind"
 
-    Raises
-    ------
-    ValueError
-        If the operation is not known here.
-    """
-    if kind in ARITHMETIC:
-        return [f"  %a{k} = {ARITHMETIC[kind].format(*x)}"]
-    if kind in FUNCTIONS:
-        given = ", ".join(f"double {each}" for each in x)  # nobuiltin: the very function, not what LLVM takes it for
-        return [f"  %a{k} = call double @{FUNCTIONS[kind]}({given}) nobuiltin"]
-    if kind in COMPARISONS:
-        return [f"  %c{k} = fcmp {COMPARISONS[kind]} double {x[0]}, {x[1]}", f"  %a{k} = uitofp i1 %c{k} to double"]
-    if kind in ("AND", "OR"):
-        return [
-            f"  %c{k} = fcmp une double {x[0]}, 0.0",
-            f"  %d{k} = fcmp une double {x[1]}, 0.0",
-            f"  %e{k} = {kind.lower()} i1 %c{k}, %d{k}",
-            f"  %a{k} = uitofp i1 %e{k} to double",
-        ]
-    if kind == "NOT":
-        return [f"  %c{k} = fcmp oeq double {x[0]}, 0.0", f"  %a{k} = uitofp i1 %c{k} to double"]
-    if kind == "IF_ELSE_ZERO":
-        return [f"  %c{k} = fcmp une double {x[0]}, 0.0", f"  %a{k} = select i1 %c{k}, double {x[1]}, double 0.0"]
-    if kind == "SIGN":  # of zero and of what is no number: itself
-        return [
-            f"  %c{k} = fcmp olt double {x[0]}, 0.0",
-            f"  %d{k} = fcmp ogt double {x[0]}, 0.0",
-            f"  %e{k} = select i1 %d{k}, double 1.0, double {x[0]}",
-            f"  %a{k} = select i1 %c{k}, double -1.0, double %e{k}",
-        ]
-    if kind in ("ASSIGN", "LIFT"):
-        return [f"  %a{k} = select i1 true, double {x[0]}, double 0.0"]
-    raise ValueError(f"the operation `{kind.lower()}` has no machine code")
+
+@dataclass(frozen=True)
+class Numbers:
+    """One number, or several side by side on which the processor works at once."""
+
+    lanes: int | None = None
+
+    @property
+    def type(self) -> str:
+        """LLVM's name of it."""
+        return self._of("double")
+
+    @property
+    def truth(self) -> str:
+        """The same of what is true or false."""
+        return self._of("i1")
+
+    @property
+    def suffix(self) -> str:
+        """What names of LLVM's own functions end with."""
+        return "f64" if self.lanes is None else f"v{self.lanes}f64"
+
+    def _of(self, one: str) -> str:
+        return one if self.lanes is None else f"<{self.lanes} x {one}>"
+
+    def constant(self, value: float) -> str:
+        """A number, everywhere the same."""
+        return literal(value) if self.lanes is None else f"<{', '.join([f'double {literal(value)}'] * self.lanes)}>"
+
+    def instructions(self, k: int, kind: str, x: Sequence[str]) -> list[str]:
+        """Register %a<k> from its operands.
+
+        Raises
+        ------
+        ValueError
+            If the operation is not known here.
+        """
+        N, B, zero = self.type, self.truth, self.constant(0.0)
+        if kind in ARITHMETIC:
+            text = ARITHMETIC[kind].replace(" N ", f" {N} ").replace("1.0", self.constant(1.0))
+            return [f"  %a{k} = {text.format(*x)}"]
+        if kind in INTRINSICS:
+            given = ", ".join(f"{N} {each}" for each in x)
+            return [f"  %a{k} = call {N} @llvm.{INTRINSICS[kind]}.{self.suffix}({given})"]
+        if kind in FUNCTIONS:
+            return self._calls(k, FUNCTIONS[kind], x)
+        if kind in COMPARISONS:
+            return [f"  %c{k} = fcmp {COMPARISONS[kind]} {N} {x[0]}, {x[1]}", f"  %a{k} = uitofp {B} %c{k} to {N}"]
+        if kind in ("AND", "OR"):
+            return [
+                f"  %c{k} = fcmp une {N} {x[0]}, {zero}",
+                f"  %d{k} = fcmp une {N} {x[1]}, {zero}",
+                f"  %e{k} = {kind.lower()} {B} %c{k}, %d{k}",
+                f"  %a{k} = uitofp {B} %e{k} to {N}",
+            ]
+        if kind == "NOT":
+            return [f"  %c{k} = fcmp oeq {N} {x[0]}, {zero}", f"  %a{k} = uitofp {B} %c{k} to {N}"]
+        if kind == "IF_ELSE_ZERO":
+            return [f"  %c{k} = fcmp une {N} {x[0]}, {zero}", f"  %a{k} = select {B} %c{k}, {N} {x[1]}, {N} {zero}"]
+        if kind == "SIGN":  # of zero and of what is no number: itself
+            return [
+                f"  %c{k} = fcmp olt {N} {x[0]}, {zero}",
+                f"  %d{k} = fcmp ogt {N} {x[0]}, {zero}",
+                f"  %e{k} = select {B} %d{k}, {N} {self.constant(1.0)}, {N} {x[0]}",
+                f"  %a{k} = select {B} %c{k}, {N} {self.constant(-1.0)}, {N} %e{k}",
+            ]
+        if kind in ("ASSIGN", "LIFT"):
+            return [f"  %a{k} = select i1 true, {N} {x[0]}, {N} {zero}"]
+        raise ValueError(f"the operation `{kind.lower()}` has no machine code")
+
+    def _calls(self, k: int, name: str, x: Sequence[str]) -> list[str]:
+        """Of a function of the C library; nobuiltin: the very function, not what LLVM takes it for."""
+        if self.lanes is None:
+            return [f"  %a{k} = call double @{name}({', '.join(f'double {each}' for each in x)}) nobuiltin"]
+        lines, so_far = [], "poison"
+        for i in range(self.lanes):
+            own = [f"%f{k}.{i}.{j}" for j in range(len(x))]
+            lines += [f"  {one} = extractelement {self.type} {each}, i64 {i}" for one, each in zip(own, x, strict=True)]
+            lines.append(f"  %v{k}.{i} = call double @{name}({', '.join(f'double {one}' for one in own)}) nobuiltin")
+            there = f"%a{k}" if i == self.lanes - 1 else f"%g{k}.{i}"
+            lines.append(f"  {there} = insertelement {self.type} {so_far}, double %v{k}.{i}, i64 {i}")
+            so_far = there
+        return lines
+
+
+ONE, SEVERAL = Numbers(), Numbers(8)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from cadet_sym.lowering.instructions import Module, arguments, instructions, literal
+from cadet_sym.lowering.instructions import ONE, Module, arguments, literal
 from cadet_sym.lowering.operations import Blocks, Entry, Operation, cut, operations
 
 __all__ = ["BLOCK", "scalars"]
@@ -72,7 +72,7 @@ class _Writer:
                 before = self.steps[entry.vector]
                 self._load(f"%a{k}", "%w", self.room[entry.vector] + len(before.operands) + entry.index)
             else:
-                self.lines += instructions(k, kind, values)
+                self.lines += ONE.instructions(k, kind, values)
             if k in self.places:
                 self._store(f"%s{k}", f"%a{k}", "%w", self.places[k])
         return self.lines
