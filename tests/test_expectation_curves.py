@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 
 import casadi as ca
@@ -168,3 +169,23 @@ def test_a_half_car_with_long_tables_runs_and_says_why_it_is_not_exported(tmp_pa
     assert history.std["acceleration"][-1] > 0
     with pytest.raises(cs.ExportError, match="output `acceleration`: a product of two measured curves takes 3364 pairs"):
         compiled.export_c(tmp_path / "c")
+
+
+@pytest.mark.parametrize("method", ["linear", "monotone"])
+@pytest.mark.parametrize("outside", ["extrapolate", "hold"])
+def test_a_curve_of_many_rows_is_called_and_the_same_as_written_out(method, outside):
+    body = 3 * curve(2 * X - 1, 60, outside, method) + X**2
+    df = describing_function((X,), body)
+    alone = replace(df, products=tuple(product.written_out() for product in df.products))
+    m, S = ca.SX.sym("m"), ca.SX.sym("S")
+    both = []
+    for each in (df, alone):
+        moments = ca.vertcat(*element_function(each, ())(m, S, []))
+        both.append(ca.Function("both", [m, S], [moments, ca.jacobian(moments, ca.vertcat(m, S))]))
+    called, written = both
+    assert called.find_functions()
+    assert not written.find_functions()
+    for mean, variance in product((0.3, -1.0, 5.0, -40.0), (0, 1e-300, 1e-6, 0.01, 0.5, 1e3, 1e6)):
+        for found, wanted in zip(called(mean, variance), written(mean, variance), strict=True):
+            wanted = np.array(wanted)
+            np.testing.assert_allclose(np.array(found), wanted, rtol=1e-12, atol=1e-12 * np.abs(wanted).max())

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import sympy as sp
 from sympy.logic.boolalg import Boolean
@@ -39,7 +39,6 @@ class Product:
     coefficient: sp.Expr
     powers: tuple[int, ...]
     functions: tuple[tuple[int, Univariate], ...]  # (index of the argument, function of it); at most two
-    written_out: bool = False  # scalar operations alone, however many kinks of measured curves meet
 
     @property
     def nodes(self) -> int:
@@ -57,6 +56,13 @@ class Product:
         if len(self.functions) < 2 or not any(function.tables for _, function in self.functions):
             return 0
         return math.prod(len(f.closed.kinks) + sum(len(table.knots) for table in f.tables) for _, f in self.functions)
+
+    def written_out(self) -> Product:
+        """The same of scalar operations alone, however many rows measured curves have; itself if it is so anyway."""
+        if not self.pairs and not any(table.is_long for _, function in self.functions for table in function.tables):
+            return self
+        functions = tuple((argument, function.written_out()) for argument, function in self.functions)
+        return replace(self, functions=functions)
 
     def kinks(self) -> Iterator[tuple[int, sp.Expr]]:
         """Arguments and positions of kinks."""

@@ -16,6 +16,8 @@ from cadet_sym.language.vocabulary import Lookup
 HIGHEST = 6
 """Degree of the polynomials between the knots of a power of a curve that is still taken as a curve."""
 
+LONG = 24
+
 DEGREE = {"linear": 1, "monotone": 3}
 
 
@@ -34,6 +36,12 @@ class Table:
     centres: tuple[float, ...]
     segments: tuple[tuple[float, ...], ...]
     changes: tuple[tuple[float, ...], ...]
+    written_out: bool = False  # scalar operations alone, however many knots
+
+    @property
+    def is_long(self) -> bool:
+        """Whether there are so many knots that what they add is better called than put in line."""
+        return len(self.knots) > LONG
 
     @property
     def degree(self) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import sympy as sp
@@ -106,6 +106,10 @@ class Univariate:
     def is_singular(self) -> bool:
         """Whether some derivative of a piece is infinite at its end."""
         return any(any(part.singular) for part in self.integrals)
+
+    def written_out(self) -> Univariate:
+        """The same with measured curves of scalar operations alone."""
+        return replace(self, tables=tuple(replace(table, written_out=True) for table in self.tables))
 
     def kinks(self) -> tuple[sp.Expr, ...]:
         """Where the function or a derivative of it jumps, tables apart."""

@@ -37,7 +37,7 @@ from cadet_sym.lowering.tables import moments_of, polynomial_at
 
 __all__ = ["curves"]
 
-FEW = 36
+FEW = 9
 """Pairs of kinks up to which the sum is written out."""
 
 TERMS = (32, 128, 512, 2048)
@@ -45,6 +45,9 @@ TERMS = (32, 128, 512, 2048)
 
 LEFT = 1e-14
 """... this; beyond the last the pairs are taken one by one."""
+
+STEPS = 8
+"""Terms that are found by one call; the numbers of terms are multiples of it."""
 
 START, PAIR = 15, 40
 """Cost of a term and of a pair in kinks: a term costs START and one for every kink."""
@@ -68,12 +71,13 @@ class Column:
     curve: bool = False
 
 
-def curves(pair: Pair, f: Univariate, g: Univariate, *, written_out: bool = False) -> dict[tuple[int, int], ca.SX]:
+def curves(pair: Pair, f: Univariate, g: Univariate) -> dict[tuple[int, int], ca.SX]:
     """What the tables in f and g add to E[f g], E[f' g] and E[f g'], by the orders of the derivatives.
 
     Long sums are functions that are called, unless they are to be written out.
     """
     total = dict.fromkeys(((0, 0), (1, 0), (0, 1)), ca.SX(0))
+    written_out = any(table.written_out for table in (*f.tables, *g.tables))
     for first, second in product(_parts(f, pair.x), _parts(g, pair.y)):
         if first.curve or second.curve:
             covariance = first.slope * second.slope * pair.covariance
@@ -144,11 +148,14 @@ def _called(n: int, m: int, a: int, b: int, measured: tuple[bool, bool]) -> ca.F
     terms = [count for count in TERMS if count * (START + n + m) < PAIR * n * m]
     series = [ca.Function(f"series{count}", inputs, [_series(count, n, m, a, b, inputs)]) for count in terms]
     varies = [True, *[not measured[0]] * 4, *[not measured[1]] * 4]
+    options = {"never_inline": True, "is_diff_in": varies}
+    if not series:
+        return ca.Function("products", inputs, [one_by_one(*inputs)], options)
     choice = ca.Function.conditional("choice", series, one_by_one)
     here = inputs[0]
     rho = ca.fabs(here[4]) / ca.sqrt((here[1] + FLOOR) * (here[3] + FLOOR))
     rung = sum((rho**count > LEFT for count in terms), start=ca.MX(0))
-    return ca.Function("products", inputs, [choice(rung, *inputs)], {"never_inline": True, "is_diff_in": varies})
+    return ca.Function("products", inputs, [choice(rung, *inputs)], options)
 
 
 def _inputs(kind: type[Any], n: int, m: int, a: int, b: int) -> list[Any]:
@@ -194,12 +201,12 @@ def _hermite(count: int, n: int, a: int) -> ca.Function:
     at, c, p, k, u = _symbols(2, 1, a, n, (n, a), kind=ca.MX)
     s = ca.sqrt(at[1] + FLOOR)
     regular = _regular(n, a)(at, c, p, k, u)  # (a, 2): of f and f', E of the derivatives between the kinks
+    sums = _kink_sums(count, n, a)(at, k, u) if n else None  # (a, count): sum over kinks of change_j phi h_i
     found = []
     for slope in range(2):
         row = [regular[i, slope] * s**i / math.sqrt(math.factorial(i)) for i in range(a)]
         total = ca.horzcat(*row, ca.MX.zeros(1, count + 1 - a))
-        if n:
-            sums = _kink_sums(count, n, a)(at, k, u)  # (a, count): sum over kinks of change_j phi h_i
+        if sums is not None:
             for j in range(a - slope):  # the change in power j; impulses from derivative j + 1 on
                 i = np.arange(count - j)
                 weight = (-1.0) ** i * np.exp([(math.lgamma(x + 1) - math.lgamma(x + j + 2)) / 2 for x in i])
@@ -223,17 +230,21 @@ def _added(function: ca.Function, times: int, same: list[Any], columns: list[Any
 @lru_cache(maxsize=64)
 def _kink_sums(count: int, n: int, a: int) -> ca.Function:
     """Sums over kinks of their changes times phi h_i, i < count, by h_(i+1) = (u h_i - sqrt(i) h_(i-1)) / sqrt(i + 1)."""
-    at, k, u = _symbols(2, n, (n, a))
-    away = clipped((at[0] - k) / ca.sqrt(at[1] + FLOOR))
-    start = ca.Function("start", [at, k], [away, density(away)])
-    h, before, x, roots = _symbols(n, n, n, 2)
-    state = ca.vertcat((x * h - roots[0] * before) / roots[1], h)
-    step = ca.Function("step", [ca.vertcat(h, before), x, u, roots], [state, ca.mtimes(u.T, h)])
+    at, kink = _symbols(2, 1)
+    away = clipped((at[0] - kink) / ca.sqrt(at[1] + FLOOR))
+    start = ca.Function("start", [at, kink], [away, density(away)]).map("starts", "serial", n, [0], [])
+    state, x, rows, roots = _symbols((n, 2), n, (a, n), (2, STEPS), kind=ca.MX)
+    (h, before), columns = ca.horzsplit(state), []
+    for i in range(STEPS):
+        columns.append(h)
+        h, before = (x * h - roots[0, i] * before) / roots[1, i], h
+    results = [ca.horzcat(h, before), ca.mtimes(rows, ca.horzcat(*columns))]
+    steps, calls = ca.Function("steps", [state, x, rows, roots], results), count // STEPS
     at, k, u = _symbols(2, n, (n, a), kind=ca.MX)
-    x, first = start(at, k)
-    same = [ca.repmat(x, 1, count), ca.repmat(u, 1, count)]
-    roots = np.sqrt([range(count), range(1, count + 1)])  # given as numbers: at 0 a root has no derivative
-    _, sums = step.mapaccum(count)(ca.vertcat(first, ca.MX.zeros(n)), *same, ca.DM(roots))
+    x, first = (ca.vec(row) for row in start(at, k.T))
+    same = [ca.repmat(x, 1, calls), ca.repmat(u.T, 1, calls)]
+    numbers = np.sqrt([range(count), range(1, count + 1)])  # given as numbers: at 0 a root has no derivative
+    _, sums = steps.mapaccum("recurrence", calls, {"base": 2})(ca.horzcat(first, ca.MX.zeros(n)), *same, ca.DM(numbers))
     return ca.Function("kink_sums", [at, k, u], [sums])
 
 

@@ -45,6 +45,7 @@ class Gaussian:
         self.densities: dict[sp.Expr, tuple[ca.SX, ca.SX]] = {}
         self.tilts: dict[tuple[sp.Expr, ...], Tilt] = {}
         self.columns: dict[Table, tuple[ca.SX, ca.SX, ca.SX, list[ca.SX]]] = {}
+        self.curves: dict[tuple[Table, int], ca.SX] = {}
         self.panels: dict[Integral, _Panels] = {}
         self.moved: dict[sp.Expr, Gaussian] = {}  # by the rate of an exponential
         self.tails: dict[tuple[sp.Expr, ...], tuple[ca.SX, list[Complex]]] = {}

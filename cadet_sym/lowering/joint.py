@@ -136,7 +136,7 @@ class _ProductMoments:
     def curves(self) -> dict[tuple[int, int], ca.SX]:
         """What measured curves in two functions add, by the orders of the derivatives."""
         (i, f), (j, g) = self.product.functions
-        return curves(self.joint.pair(i, j), f, g, written_out=self.product.written_out)
+        return curves(self.joint.pair(i, j), f, g)
 
 
 def _less(numbers: tuple[int, ...], at: int) -> tuple[int, ...]:

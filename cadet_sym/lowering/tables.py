@@ -1,11 +1,15 @@
-"""Expectation of a measured curve: all its knots at once, as columns."""
+"""Expectation of a measured curve: all its knots at once, as columns, or of many by functions called for each."""
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
+import sympy as sp
 
 from cadet_sym.expectation.panels import legendre
 from cadet_sym.expectation.tables import Table
@@ -22,12 +26,19 @@ NARROW, NARROW_ORDER = 2.0, 14
 
 def table_moment(table: Table, gaussian: Gaussian, order: int) -> ca.SX:
     """d^order/dm^order of E[factor * curve(slope z + offset)]."""
+    moment = _by_calls if table.is_long and not table.written_out else _in_line
+    total = moment(table, gaussian, order)
+    return gaussian.value(table.factor) * gaussian.value(table.slope) ** order * total
+
+
+def _in_line(table: Table, gaussian: Gaussian, order: int) -> ca.SX:
+    """The same for the curve itself, of scalar operations alone."""
     total = _together(table, gaussian, order)
     if table.degree >= STEEP and len(table.knots) > 1:
         widest, s = max(np.diff(table.knots)), moments_of(table, gaussian)[2]
         apart = _together(table.ends(), gaussian, order) + _between(table, gaussian, order)
         total = ca.if_else(widest < NARROW * s, apart, total)
-    return gaussian.value(table.factor) * gaussian.value(table.slope) ** order * total
+    return total
 
 
 def _together(table: Table, gaussian: Gaussian, order: int) -> ca.SX:
@@ -40,6 +51,12 @@ def _together(table: Table, gaussian: Gaussian, order: int) -> ca.SX:
 def _between(table: Table, gaussian: Gaussian, order: int) -> ca.SX:
     """The polynomials between the knots, where the distribution is wider: row by row, by Gauss and Legendre's rule."""
     mean, _, s = moments_of(table, gaussian)
+    x, weights = _nodes_between(table)
+    return density_sum(ca.DM(weights), ca.DM(x), mean, s, order)
+
+
+def _nodes_between(table: Table) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes of a rule for every row, and weights with the curve in them."""
     knots, widths = np.array(table.knots[:-1]), np.diff(table.knots)
     nodes, weights = legendre(NARROW_ORDER)
     x = knots[:, None] + widths[:, None] * nodes
@@ -47,8 +64,7 @@ def _between(table: Table, gaussian: Gaussian, order: int) -> ca.SX:
     values = np.zeros_like(x)
     for column in reversed(rows.T):
         values = values * (x - centres[:, None]) + column[:, None]
-    weighted = values * weights * widths[:, None]
-    return density_sum(ca.DM(weighted.ravel()), ca.DM(x.ravel()), mean, s, order)
+    return x.ravel(), (values * weights * widths[:, None]).ravel()
 
 
 def moments_of(table: Table, gaussian: Gaussian) -> tuple[ca.SX, ca.SX, ca.SX]:
@@ -114,3 +130,86 @@ def _tails(table: Table, gaussian: Gaussian, order: int) -> ca.SX:
         if jumps.shape[1] and np.any(jumps[:, 0]):
             total += ca.DM(jumps[:, 0]) * (-1) ** i * hermite(u, i) / s ** (i + 1)
     return ca.dot(phi, total)
+
+
+# -- by calls ---------------------------------------------------------------------------------------------------------
+
+
+def _by_calls(table: Table, gaussian: Gaussian, order: int) -> ca.SX:
+    """The same by a function that is called, of all orders up to this one, or the first, at once."""
+    orders = max(order, 1) + 1
+    if (table, orders) not in gaussian.curves:
+        plain = replace(table, factor=sp.S.One, slope=sp.S.One, offset=sp.S.Zero)
+        gaussian.curves[table, orders] = _curve(plain, orders)(ca.vertcat(*moments_of(table, gaussian)))
+    return gaussian.curves[table, orders][order]
+
+
+@lru_cache(maxsize=64)
+def _curve(table: Table, orders: int) -> ca.Function:
+    """(mean, variance, standard deviation) -> derivatives of E[curve] in the mean, from 0 on."""
+    at = ca.MX.sym("at", 3)
+    total = _sum_over_rows(table, orders)
+    if table.degree >= STEEP:
+        ends = _sum_over_rows(table.ends(), orders)(at)
+        x, weights = (ca.DM(each).T for each in _nodes_between(table))
+        own = ca.SX.sym("x"), ca.SX.sym("weight"), ca.SX.sym("at", 3)
+        each = [density_sum(own[1], own[0], own[2][0], own[2][2], order) for order in range(orders)]
+        node = ca.Function("node", list(own), [ca.vertcat(*each)])
+        between = node.map("nodes", "serial", x.numel(), [2], [0])(x, weights, at)
+        apart = ca.Function("apart", [at], [ends + between])
+        widest = float(max(np.diff(table.knots)))
+        total = ca.Function.if_else("either", apart, total)
+        return ca.Function("curve", [at], [total(widest < NARROW * at[2], at)], {"never_inline": True})
+    return ca.Function("curve", [at], [total(at)], {"never_inline": True})
+
+
+def _sum_over_rows(table: Table, orders: int) -> ca.Function:
+    """at -> what the polynomial around the mean and the changes at the knots make."""
+    at = ca.MX.sym("at", 3)
+    knots, changes, segments = (np.array(each) for each in (table.knots, table.changes, table.segments))
+    present = tuple(int(n) for n in np.flatnonzero(np.any(changes != 0, axis=0)))
+    row = _row(table.degree, orders).map("rows", "serial", len(segments), [4], [0])
+    knot = _knot(present, orders).map("knots", "serial", len(knots), [2], [0])
+    low, high = np.append(-np.inf, knots), np.append(knots, np.inf)
+    total = row(*(ca.DM(each).T for each in (low, high, table.centres, segments)), at)
+    return ca.Function("curve", [at], [total + knot(ca.DM(knots).T, ca.DM(changes[:, list(present)]).T, at)])
+
+
+@lru_cache(maxsize=16)
+def _row(degree: int, orders: int) -> ca.Function:
+    """(low, high, centre, polynomial, at) -> E of the polynomial and its derivatives, if the mean is from low up to high."""
+    low, high, centre = ca.SX.sym("low"), ca.SX.sym("high"), ca.SX.sym("centre")
+    own, at = ca.SX.sym("polynomial", degree + 1), ca.SX.sym("at", 3)
+    here = ca.logic_and(at[0] >= low, at[0] < high)
+    h = ca.if_else(here, at[0] - centre, 0)
+    powers = [ca.SX(1), h]
+    for n in range(2, degree + 1):
+        powers.append(h * powers[n - 1] + (n - 1) * at[1] * powers[n - 2])
+    values = [
+        sum((math.perm(n, order) * own[n] * powers[n - order] for n in range(order, degree + 1)), start=ca.SX(0))
+        for order in range(orders)
+    ]
+    return ca.Function("row", [low, high, centre, own, at], [ca.if_else(here, ca.vertcat(*values), 0)])
+
+
+@lru_cache(maxsize=16)
+def _knot(present: tuple[int, ...], orders: int) -> ca.Function:
+    """(knot, changes in these powers, at) -> what the changes add to E and its derivatives."""
+    knot, own, at = ca.SX.sym("knot"), ca.SX.sym("changes", len(present)), ca.SX.sym("at", 3)
+    s, change = at[2], {n: own[k] for k, n in enumerate(present)}
+    u = clipped((at[0] - knot) / s)
+    side, degree = ca.if_else(u >= 0, -1, 1), max(present, default=0)
+    ratios = [r.real for r in mills_moments(Complex(magnitude(u)), degree + 1)]
+    totals = []
+    for order in range(orders):
+        total = ca.SX(0)
+        for n in range(degree + 1 - order):
+            if n + order in change:
+                ratio = ratios[n] if n % 2 else ratios[n] * side
+                total += math.perm(n + order, order) * change[n + order] * s**n * ratio
+        for j in range(order):  # the j-th derivative jumps by j! c_j
+            if j in change:
+                i = order - 1 - j
+                total += math.factorial(j) * change[j] * (-1) ** i * hermite(u, i) / s ** (i + 1)
+        totals.append(density(u) * total)
+    return ca.Function("knot", [knot, own, at], [ca.densify(ca.vertcat(*totals))])

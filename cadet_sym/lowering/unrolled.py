@@ -59,11 +59,9 @@ def _fixed(
         return with_one_rule(part, numbers)
     if isinstance(part, Nested):
         return part.written_with(lambda df: _function(df, where, numbers))
-    if not isinstance(part, Product) or not part.pairs:
-        return part
     if part.pairs > MANY_PAIRS:
         raise ExportError(
             f"{where}: a product of two measured curves takes {part.pairs} pairs of their rows, too many to write out; "
             "leave it out, or give the curves fewer rows"
         )
-    return replace(part, written_out=True)
+    return part.written_out()
