@@ -25,13 +25,16 @@ if TYPE_CHECKING:
     from cadet_sym.lowering.system import LoweredSystem
     from cadet_sym.moments import MomentEquations
 
-__all__ = ["MomentFunctions"]
+__all__ = ["MomentFunctions", "is_small"]
 
 PAYS = 2500
 """Evaluations in CasADi's virtual machine that take as long as it takes to make machine code."""
 
 SMALL = 2000
 """Operations of a function, and of those that it calls, up to which thorough machine code takes a tenth of a second ..."""
+
+CALLING = 8000
+"""... the same of functions that call others in loops, where it takes half a second and is worth it ..."""
 
 LARGE = 20_000
 """... up to which some machine code takes half a second ..."""
@@ -53,6 +56,11 @@ def _kept(make: Callable[[MomentFunctions], ca.Function]) -> cached_property[ca.
 
     read.__doc__ = make.__doc__
     return cached_property(read)
+
+
+def is_small(function: ca.Function) -> bool:
+    """Whether thorough machine code is worth its time."""
+    return size(function) <= (CALLING if function.find_functions() else SMALL)
 
 
 class MomentFunctions:
@@ -128,13 +136,13 @@ class MomentFunctions:
             return structured_rate(self.ingredients, self._shelf)
         loops = name != "outputs" and self.facts.delay is not None and self.facts.delay.rows <= WIDEST
         function = getattr(self, f"{name}_head" if loops else name)
-        if (count := size(function)) > (LARGEST if self.jit else LARGE):
+        if size(function) > (LARGEST if self.jit else LARGE):
             return None
 
         def text() -> str:
             return carried_code(self, function, name) if loops else intermediate(function, name)
 
-        thorough = self.jit or count <= SMALL
+        thorough = self.jit or is_small(function)
         with contextlib.suppress(ValueError):  # an operation that only CasADi knows
             return machine_code(text, name, shelf=self._shelf, effort=int(thorough))
         return None
