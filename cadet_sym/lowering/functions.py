@@ -33,8 +33,8 @@ PAYS = 2500
 SMALL = 2000
 """Operations of a function, and of those that it calls, up to which thorough machine code takes a tenth of a second ..."""
 
-CALLING = 8000
-"""... the same of functions that call others in loops, where it takes half a second and is worth it ..."""
+CALLING = 5000
+"""... the same of functions that call others in loops, where it takes a third of a second and is worth it ..."""
 
 LARGE = 20_000
 """... up to which some machine code takes half a second ..."""

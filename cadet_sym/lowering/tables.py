@@ -84,6 +84,9 @@ def _derivatives(rows: tuple[tuple[float, ...], ...], order: int) -> np.ndarray:
 
 def polynomial_at(table: Table, mean: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Centre and coefficients of the polynomial around the mean."""
+    if table.is_long and not table.written_out:
+        found = _around(_plain(table))(mean)
+        return found[0], found[1:]
     here = _here(table, mean)
     return ca.dot(here, ca.DM(table.centres)), ca.mtimes(ca.DM(table.segments).T, here)
 
@@ -139,9 +142,27 @@ def _by_calls(table: Table, gaussian: Gaussian, order: int) -> ca.SX:
     """The same by a function that is called, of all orders up to this one, or the first, at once."""
     orders = max(order, 1) + 1
     if (table, orders) not in gaussian.curves:
-        plain = replace(table, factor=sp.S.One, slope=sp.S.One, offset=sp.S.Zero)
-        gaussian.curves[table, orders] = _curve(plain, orders)(ca.vertcat(*moments_of(table, gaussian)))
+        gaussian.curves[table, orders] = _curve(_plain(table), orders)(ca.vertcat(*moments_of(table, gaussian)))
     return gaussian.curves[table, orders][order]
+
+
+def _plain(table: Table) -> Table:
+    """The curve itself, read at its argument."""
+    return replace(table, factor=sp.S.One, slope=sp.S.One, offset=sp.S.Zero)
+
+
+@lru_cache(maxsize=64)
+def _around(table: Table) -> ca.Function:
+    """Mean -> centre and polynomial of the row in which it is."""
+    low, high, mean, row = ca.SX.sym("low"), ca.SX.sym("high"), ca.SX.sym("mean"), ca.SX.sym("row", table.degree + 2)
+    here = ca.if_else(ca.logic_and(mean >= low, mean < high), row, 0)
+    of_row = ca.Function("row", [low, high, row, mean], [here])
+    at, knots = ca.MX.sym("mean"), np.array(table.knots)
+    rows = np.column_stack([table.centres, table.segments])
+    low, high = (ca.DM(each).T for each in (np.append(-np.inf, knots), np.append(knots, np.inf)))
+    total = of_row.map("rows", "serial", len(rows), [3], [0])(low, high, ca.DM(rows).T, at)
+    options = {"never_inline": True, "is_diff_in": [False], "is_diff_out": [False]}
+    return ca.Function("around", [at], [total], options)
 
 
 @lru_cache(maxsize=64)
