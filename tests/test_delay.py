@@ -181,5 +181,6 @@ def test_equal_setbacks_written_in_two_ways_are_refused():
 def test_the_automatic_grid_resolves_what_it_should_and_says_how_well():
     history = cs.compile(two_wheels("12")).propagate([0.0, 2.0], rtol=1e-8)
     assert history.provenance.statistics["wheel grid error"] <= 1e-6
-    with pytest.warns(UserWarning, match="finer grid"):
+    with pytest.warns(UserWarning, match="finer grid") as told:
         cs.compile(two_wheels("0.3"), grid=(1, 2)).propagate([0.0, 2.0], rtol=1e-8)
+    assert told[0].filename == __file__  # where it was asked for

@@ -128,8 +128,9 @@ def test_a_run_that_may_have_been_misled_is_run_again_and_a_difference_is_told(m
         return found._replace(y=found.y * (1 + 1e-4 * len(marched)))
 
     monkeypatch.setattr(transient, "march", off_by_a_little)
-    with pytest.warns(RuntimeWarning, match="friction holds the system"):
+    with pytest.warns(RuntimeWarning, match="friction holds the system") as told:
         compiled.propagate(times, rtol=1e-8, engine="direct")
+    assert {each.filename for each in told} == {__file__}  # where it was asked for
     assert marched[-1].relative < 0.1 * marched[-2].relative
 
 

@@ -151,8 +151,9 @@ def test_wheels_on_ground_that_varies_start_on_one_and_the_same_ground():
         duration = 3.0
         """
     )
-    with pytest.warns(RuntimeWarning, match="the ground at the start is not the same under all wheels of a track"):
+    with pytest.warns(RuntimeWarning, match="the ground at the start is not the same under all wheels of a track") as told:
         history = cs.compile(model).propagate(np.linspace(0, 3, 7))
+    assert told[0].filename == __file__  # where it was asked for
     P = history.state_covariance
     assert (np.linalg.eigvalsh(P)[:, 0] >= -1e-12 * np.trace(P, axis1=1, axis2=2)).all()
     with pytest.warns(RuntimeWarning, match="the ground at the start"):

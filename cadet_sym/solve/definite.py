@@ -58,5 +58,5 @@ def warn_of_loss(time: Array, y: Array, packing: Packing, states: Sequence[str])
         f"{ratio[worst]:.2g} of its trace, mostly along `{state}`. Differences between states that move together are "
         "lost in the integration error there; ask for a smaller rtol, or measure one state relative to the other.",
         RuntimeWarning,
-        stacklevel=6,
+        stacklevel=7,
     )

@@ -79,7 +79,7 @@ def _warn_of_uneven_start(functions: MomentFunctions, p: Array) -> None:
             "the rearmost, until they have left it. Let the travel begin where the ground is the same over the wheelbase, "
             'or use `ground = "smooth"`',
             RuntimeWarning,
-            stacklevel=6,
+            stacklevel=9,
         )
 
 

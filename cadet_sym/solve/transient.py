@@ -190,7 +190,7 @@ def _compare(y: Array, again: Array | None, size: Array, rtol: float) -> None:
             f"hundredth of the tolerance {found}. Ask for a "
             'smaller rtol, or start with a little variance; engine="native" takes no gains, only rates.',
             RuntimeWarning,
-            stacklevel=6,
+            stacklevel=7,
         )
 
 
