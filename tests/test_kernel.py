@@ -17,7 +17,7 @@ from cadet_sym.delay import transport_matrix
 from cadet_sym.lowering.blas import multiplication
 from cadet_sym.lowering.kernel import Vector, kernel, kernel_text, part
 from cadet_sym.packing import Packing
-from cadet_sym.solve import backward, runge_kutta
+from cadet_sym.solve import backward, native, runge_kutta
 from cadet_sym.solve.breakdown import Breakdown
 from cadet_sym.solve.implicit import Inverse, PackedIndex, scaled_form
 from cadet_sym.solve.native import FEW, MANY, Native, _march_all, _rest
@@ -234,6 +234,24 @@ def test_stationary_ground_under_a_wheel_is_not_integrated(shipped):
     np.testing.assert_allclose(
         compiled.packing.unpack(found)[1], everything_moves.state_covariance[1:], rtol=1e-7, atol=1e-8
     )
+
+
+def test_runs_of_which_some_hold_moments_are_each_what_it_is_alone(shipped, monkeypatch):
+    compiled = shipped("oleo_acceleration")
+    values = [{"zeta": zeta} for zeta in (0.01, 0.05, 0.1, 0.2)]
+    p, y = (np.array([of(each) for each in values]) for of in (compiled.parameter_vector, compiled.initial))
+    rests = dict(zip((own.tobytes() for own in p), (False, True, True, False), strict=True))
+    monkeypatch.setattr(native, "_rest", lambda _, p, y: np.array([rests[own.tobytes()] for own in p]))
+    grid, edges = np.array([0.0, 1.0, 2.5]), [(0.0, 2.5), (0.0, 2.0, 2.5), (0.0, 2.5), (0.0, 1.5, 2.5)]
+    size = np.random.default_rng(0).uniform(0.5, 2.0, y.shape)
+    together = native.march_all(compiled.functions, p, y, edges, grid, Tolerance(1e-7, 1e-2, size))
+    for k in range(len(p)):
+        own = Tolerance(1e-7, 1e-2, size[k])
+        alone = native.march_all(compiled.functions, p[k : k + 1], y[k : k + 1], edges[k : k + 1], grid, own)
+        for one, other in zip(alone, together, strict=True):
+            np.testing.assert_array_equal(one[0], other[k])
+    np.testing.assert_array_equal(together.y[:, 0], y)
+    assert not together.status.any()
 
 
 def test_ground_that_starts_smooth_is_integrated():
