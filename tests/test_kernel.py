@@ -17,7 +17,7 @@ from cadet_sym.delay import transport_matrix
 from cadet_sym.lowering.blas import multiplication
 from cadet_sym.lowering.kernel import Vector, kernel, kernel_text, part
 from cadet_sym.packing import Packing
-from cadet_sym.solve import backward, native, runge_kutta
+from cadet_sym.solve import backward, improved, native, runge_kutta
 from cadet_sym.solve.breakdown import Breakdown
 from cadet_sym.solve.implicit import Inverse, PackedIndex, scaled_form
 from cadet_sym.solve.native import FEW, MANY, Native, _march_all, _rest
@@ -312,9 +312,9 @@ def test_the_inverse_in_loops_is_the_one_of_arrays(n, g):
     expected, r = np.empty(packing.size), rng.normal(size=packing.size)
     Inverse.build(PackedIndex(packing), scale, form, g).apply(r, expected)
     given = modal_arrays(form, scale)
-    work, found = np.zeros(backward.MATRICES * n * n + 2 * n + 1), np.empty(packing.size)
-    backward.weigh(work, work[backward.MATRICES * n * n :], given.modes, n, g)
-    backward.invert(multiplied, r, found, packing.size, n, given.matrices, given.modes, given.pairs, work)
+    work, found = np.zeros(improved.MATRICES * n * n + 2 * n + 1), np.empty(packing.size)
+    improved.weigh(work, work[improved.MATRICES * n * n :], given.modes, n, g)
+    improved.invert(multiplied, r, found, packing.size, n, given.matrices, given.modes, given.pairs, work)
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
 
 
@@ -349,7 +349,7 @@ def test_a_stiff_run_as_machine_code_is_the_one_of_python():
 
     form, state = stiff._form(0.0, y), np.zeros(backward.STATE)
     state[8], state[9] = 1.0, -1.0
-    work, found = np.zeros(1 + backward.VECTORS * 2 + backward.MATRICES + 2 + 150), np.zeros(4)
+    work, found = np.zeros(1 + backward.VECTORS * 2 + improved.MATRICES + 2 + 150), np.zeros(4)
     tolerance, inverse = (stiff.tolerance.size, 1e-5, 1e-2), (form.matrices, form.modes, form.pairs)
     status = backward.carry(
         rate, multiplied, grid, 2, y.copy(), 2, 1, np.zeros(1), *tolerance, 1.0, 1000, *inverse, work, found, state

@@ -187,6 +187,13 @@ class MomentFunctions:
         return free_rate(self)
 
     @_kept
+    def resting_rate(self) -> ca.Function:
+        """(t, y, [p; d^2]) -> dy/dt, elements seeing at least the deviations d of the states."""
+        from cadet_sym.lowering.resting import resting_rate
+
+        return resting_rate(self)
+
+    @_kept
     def parts(self) -> ca.Function:
         """(t, y, p) -> dy/dt of what goes before the ground between the wheels, N, and what moves that ground."""
         return self.symbolic.parts

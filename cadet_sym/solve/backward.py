@@ -11,15 +11,14 @@ For `lowering.kernel`.
 from __future__ import annotations
 
 from cadet_sym.lowering.kernel import Function, Vector, isfinite, part, sqrt
+from cadet_sym.solve.improved import MATRICES, PAIRS, improve, invert, learn, weigh
 
 __all__ = ["MATRICES", "PROCEDURES", "REFRESH", "STALLED", "STATE", "TOO_MANY", "VECTORS", "carry"]
 
 HIGHEST = 5  # order
 ROWS = HIGHEST + 3  # of backward differences
-PAIRS = 6  # of vectors, of which each makes an update
 VECTORS = ROWS + 7 + 2 * PAIRS  # of working space, as long as y
-MATRICES = 7  # of working space, n x n
-STATE = 13
+STATE = 14
 """Numbers that last from call to call: time, step, order, equal steps, then as `carry` says."""
 
 TOO_MANY, STALLED, REFRESH = 1, 2, 3
@@ -37,100 +36,6 @@ CONVERGED = 0.05
 
 STALE = 0.3
 """Where an iteration leaves more than this of what is wrong, the form of another place does not serve any longer."""
-
-
-def weigh(weights: Vector, along: Vector, modes: Vector, n: int, g: float) -> int:
-    """What each entry, and its partners, contribute to (I - g L)^-1 in the coordinates of the modes.
-
-    modes : (4 n,) real parts, absolute imaginary parts, +1 and -1 for the two of a pair (else 0), places of the partners.
-    """
-    real = modes
-    imaginary = part(modes, n)
-    sign = part(modes, 2 * n)
-    square = n * n
-    for i in range(n):
-        for j in range(n):
-            x = 1.0 - g * (real[i] + real[j])
-            y = g * (imaginary[i] + imaginary[j])
-            z = g * (imaginary[i] - imaginary[j])
-            same = 1.0 / (x * x + y * y)
-            mixed = 1.0 / (x * x + z * z)
-            weights[i * n + j] = 0.5 * x * (same + mixed)
-            weights[square + i * n + j] = 0.5 * (y * same + z * mixed) * sign[i]
-            weights[2 * square + i * n + j] = 0.5 * (y * same - z * mixed) * sign[j]
-            weights[3 * square + i * n + j] = 0.5 * x * (mixed - same) * sign[i] * sign[j]
-        x = 1.0 - g * real[i]
-        y = g * imaginary[i]
-        along[i] = x / (x * x + y * y)
-        along[n + i] = y / (x * x + y * y) * sign[i]
-    return 0
-
-
-def invert(
-    multiply: Function, r: Vector, z: Vector, size: int, n: int, form: Vector, modes: Vector, pairs: int, work: Vector
-) -> int:
-    """Set z = (I - g L)^-1 r for packed moments; what is integrated alongside passes as it is.
-
-    multiply : writes the product of two matrices, of as many rows as it is told first.
-    form : (4 n^2,) W^-1, its transpose, W and its transpose, in units of the states.
-    work : (MATRICES n^2 + 2 n + 1,) the weights, and room for three matrices and n.
-    """
-    square = n * n
-    left = form
-    left_turned = part(form, square)
-    right = part(form, 2 * square)
-    right_turned = part(form, 3 * square)
-    weights = work
-    full = part(work, 4 * square)
-    half = part(work, 5 * square)
-    inner = part(work, 6 * square)
-    along = part(work, 7 * square)
-    rows = part(along, 2 * n)
-    rows[0] = float(n)
-    partner = part(modes, 3 * n)
-    for i in range(n):
-        total = 0.0
-        for j in range(n):
-            total += left[i * n + j] * r[j]
-        half[i] = total
-    for i in range(n):
-        inner[i] = along[i] * half[i] + along[n + i] * half[int(partner[i])]
-    for i in range(n):
-        total = 0.0
-        for j in range(n):
-            total += right[i * n + j] * inner[j]
-        z[i] = total
-    k = n
-    for j in range(n):
-        for i in range(j, n):
-            full[j * n + i] = r[k]
-            full[i * n + j] = r[k]
-            k += 1
-    multiply(rows, left, full, half)
-    multiply(rows, half, left_turned, inner)
-    for i in range(square):
-        full[i] = weights[i] * inner[i]
-    if pairs == 1:
-        for i in range(n):
-            other = int(partner[i])
-            turned = part(inner, other * n)
-            one = part(weights, square + i * n)
-            two = part(weights, 2 * square + i * n)
-            three = part(weights, 3 * square + i * n)
-            row = part(full, i * n)
-            for j in range(n):
-                across = int(partner[j])
-                row[j] += one[j] * turned[j] + two[j] * inner[i * n + across] + three[j] * turned[across]
-    multiply(rows, right, full, half)
-    multiply(rows, half, right_turned, inner)
-    k = n
-    for j in range(n):
-        for i in range(j, n):
-            z[k] = inner[i * n + j]
-            k += 1
-    for i in range(k, size):
-        z[i] = r[i]
-    return 0
 
 
 def rescale(differences: Vector, order: int, factor: float, size: int, small: Vector, room: Vector) -> int:
@@ -185,45 +90,11 @@ def share(x: Vector, allowed: Vector, size: int) -> float:
     return sqrt(((one + two) + (three + four)) / float(size))
 
 
-UNLIKE = 0.1
-"""Least share of a move by which the next must differ from it for an update."""
+NOISE = 1e-6
+"""Less of what a step may err by is no matter of convergence any more."""
 
-
-def improve(updates: Vector, count: int, z: Vector, size: int) -> int:
-    """Apply the updates of the inverse, z = (1 + u_k w_k') ... (1 + u_1 w_1') z."""
-    for k in range(count):
-        weights = part(updates, 2 * k * size)
-        along = part(updates, (2 * k + 1) * size)
-        total = 0.0
-        for i in range(size):
-            total += weights[i] * z[i]
-        for i in range(size):
-            z[i] += total * along[i]
-    return 0
-
-
-def learn(updates: Vector, count: int, before: Vector, z: Vector, allowed: Vector, size: int) -> int:
-    """From a move and what the inverse finds next, z, one more update; z becomes what it would have found with that.
-
-    Returns the number of updates: without the new one where both are so alike that nothing follows.
-    """
-    across = 0.0
-    length = 0.0
-    for i in range(size):
-        weight = allowed[i] * allowed[i] * before[i]
-        across += weight * z[i]
-        length += weight * before[i]
-    kept = 1.0 - across / length
-    if not kept > UNLIKE:
-        return count
-    weights = part(updates, 2 * count * size)
-    along = part(updates, (2 * count + 1) * size)
-    for i in range(size):
-        z[i] /= kept
-        weights[i] = allowed[i] * allowed[i] * before[i] / length
-        along[i] = z[i]
-    return count + 1
-
+SHORTEST = 1e-14
+"""First step over the time, at least: where rates are so large that none is short enough, one of them has to be tried."""
 
 def carry(
     rate: Function, multiply: Function, grid: Vector, points: int, y: Vector, size: int, n: int, p: Vector, sizes: Vector,
@@ -241,7 +112,8 @@ def carry(
     multiply : see `invert`.
     work : (1 + VECTORS size + MATRICES n^2 + 2 n + 150,). found : (points, size), one after the other.
     state : (STATE,) time, step, order, equal steps, steps, steps refused, rates, points found, whether the form is of here,
-        the g of the weights, how fast Newton's method converged, whether it has begun, updates of the inverse.
+        the g of the weights, how fast Newton's method converged, whether it has begun, updates of the inverse,
+        whether gains react strongly.
 
     Returns
     -------
@@ -274,7 +146,7 @@ def carry(
         steep = sqrt(total / float(size))
         h = last - t
         if steep * h > 0.1:
-            h = 0.1 / steep
+            h = max(0.1 / steep, SHORTEST * t)
         if not isfinite(steep):
             return STALLED
         order = 1
@@ -331,11 +203,13 @@ def carry(
             length = share(move, allowed, size)
             if not isfinite(length):
                 break
+            left = 1.0
             if k > 0:
+                left = min(1.0, length / before)
                 if length > 2.0 * before:
                     break
                 state[10] = max(0.3 * state[10], length / before)
-                if length > STALE * before and before > 1e-6:
+                if length > STALE * before and before > NOISE:
                     if state[8] == 0.0 and (k > 1 or state[12] == 0.0):
                         break
                     if int(state[12]) < PAIRS:  # where a fresh form does no better
@@ -345,7 +219,11 @@ def carry(
                 value[i] += move[i]
                 change[i] += move[i]
                 earlier[i] = move[i]
-            if tries >= least and length * min(1.0, state[10]) < CONVERGED:
+            if state[13] + state[12] > 0.0:  # gains that react may be others by now: only this step's iterations tell
+                if length < NOISE or (k > 0 and length * left < CONVERGED * (1.0 - left)):
+                    converged = True
+                    break
+            elif tries >= least and length * min(1.0, state[10]) < CONVERGED:
                 converged = True
                 break
             before = length

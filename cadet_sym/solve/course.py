@@ -22,6 +22,7 @@ from cadet_sym.solve.cvodes import Direct
 from cadet_sym.solve.krylov import Stepping
 from cadet_sym.solve.native import Native
 from cadet_sym.solve.onset import onset
+from cadet_sym.solve.resting import Resting
 from cadet_sym.solve.scales import Tolerance
 from cadet_sym.solve.stiff import Stiff, bdf_compiles
 
@@ -136,6 +137,7 @@ def march(
             raise explain(lowered, start.p, breakdown, begin, y, partial) from None
         found[known:last], known = values[: inside.size], last
         y, doubtful = values[-1], doubtful or not honest
+        engine = used if isinstance(used, Resting) else engine  # what rests once may rest again
         names[used.name] = names.get(used.name, 0) + used.steps * (used is not engine)
     return March(found, ", then ".join(names), engine.steps + sum(names.values()), doubtful)
 
@@ -166,8 +168,31 @@ def _advance(engine: Engine, begin: float, y: Array, stretch: Array, alone: bool
         except Breakdown as breakdown:
             if told is None or told.found is None:  # who knows to the last step where it was
                 told = breakdown
+            resting = _resting(each, breakdown, begin, y, stretch)
+            if resting is not None:
+                return resting
     assert told is not None, "there is at least one engine"
     raise told
+
+
+def _resting(
+    engine: Engine, told: Breakdown, begin: float, y: Array, stretch: Array
+) -> tuple[Array, bool, Engine] | None:
+    """The stretch from where an engine gave it up, if it was friction that holds something at rest; None if it was not."""
+    places = [(np.empty((0, len(y))), begin, y)]
+    if told.found is not None and told.time is not None and told.y is not None and np.isfinite(told.y).all():
+        places.insert(0, (told.found[: len(stretch) - 1], told.time, told.y))
+    after = Resting(engine.lowered, engine.p, engine.tolerance)
+    _, last, there = places[0]
+    if isinstance(engine, Resting) or not after.is_wanted(last, there, float(stretch[-1])):
+        return None
+    for found, time, here in places:
+        try:
+            rest = _alone(after, time, here, stretch[len(found) :])
+        except Breakdown:
+            continue
+        return np.vstack([found, rest]), True, after
+    return None
 
 
 def _one_after_the_other(engine: Engine) -> Iterator[Engine]:

@@ -41,13 +41,15 @@ class Tolerance:
 def peaks(y: Array, packing: Packing) -> Array:
     """Largest size of every moment over a run (k, size): standard deviations, and their products for covariances.
 
-    A mean counts at least as large as its state's standard deviation. What stays at zero gets a size from its fellows.
+    A mean counts at least as large as its state's standard deviation. What has no deviation, as without any noise, counts as
+    large as its mean; what stays at zero gets a size from its fellows.
     """
     n = packing.n
-    deviation = np.sqrt(np.abs(y[:, packing.diagonal]).max(axis=0))
+    deviation, means = np.sqrt(np.abs(y[:, packing.diagonal]).max(axis=0)), np.abs(y[:, :n]).max(axis=0)
+    deviation = np.where(deviation > NOTHING, deviation, means)
     deviation = np.where(deviation > NOTHING, deviation, np.max(deviation, initial=0.0) * 1e-3)
     deviation = np.where(deviation > NOTHING, deviation, 1.0)
-    mean = np.maximum(np.abs(y[:, :n]).max(axis=0), deviation)
+    mean = np.maximum(means, deviation)
     distance = np.abs(y[:, packing.moments : packing.moments + packing.distance]).max(axis=0, initial=0.0)
     alongside = np.concatenate([distance, _of_ground(y, packing)])
     alongside = np.where(alongside > NOTHING, alongside, 1.0)

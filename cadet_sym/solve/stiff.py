@@ -53,14 +53,14 @@ class Stiff:
     steps: int = field(default=0, init=False)
     name = "BDF (Newton + Lyapunov), machine code"
     stiff = True
+    reacting = False  # whether gains react so strongly that no earlier step tells how Newton's method converges
 
     def advance(self, begin: float, y: Array, grid: Array) -> Array:
         """Packed moments (k, size) at the times of the grid, from y at `begin`."""
         begin = behind(begin)
-        rate = self.lowered.machine("rate")
-        assert rate is not None, "chosen only where there is machine code"
+        rate = self._rate()
         n, size = self.lowered.facts.packing.n, len(y)
-        x, given, times = y.copy(), np.append(self.p, 0.0), np.ascontiguousarray(grid, dtype=float)
+        x, given, times = y.copy(), self._given(), np.ascontiguousarray(grid, dtype=float)
         work = np.zeros(1 + VECTORS * size + MATRICES * n * n + 2 * n + 150)
         found, state, sizes = np.empty((len(grid), size)), np.zeros(STATE), np.ascontiguousarray(self.tolerance.size)
         state[0], latest, status = begin, np.nextafter(times[-1], begin), REFRESH
@@ -71,10 +71,10 @@ class Stiff:
                 status = STALLED
                 break
             form = self._form(float(state[0]), x)
-            state[8], state[9], state[12] = 1.0, -1.0, 0.0
+            state[8], state[9], state[12], state[13] = 1.0, -1.0, 0.0, float(self.reacting)
             with one_thread() if self.takes_threads else nullcontext():
                 status = _carry()(
-                    rate.addresses["rate"], multiplication(n), times.ctypes.data, len(times), x.ctypes.data,
+                    rate, multiplication(n), times.ctypes.data, len(times), x.ctypes.data,
                     size, n, given.ctypes.data, sizes.ctypes.data, self.tolerance.relative, self.tolerance.absolute, latest,
                     most, form.matrices.ctypes.data, form.modes.ctypes.data, form.pairs, work.ctypes.data,
                     found.ctypes.data, state.ctypes.data,
@@ -87,12 +87,26 @@ class Stiff:
         """Whether products of matrices are so large that a library would spread them over threads."""
         return self.lowered.facts.packing.n > SINGLE
 
+    def _rate(self) -> int:
+        """The address of the rate."""
+        code = self.lowered.machine("rate")
+        assert code is not None, "chosen only where there is machine code"
+        return code.addresses["rate"]
+
+    def _given(self) -> Array:
+        """What the rate takes for parameters."""
+        return np.append(self.p, 0.0)
+
+    def _seen(self, y: Array) -> Array:
+        """Packed moments as the elements see them."""
+        return y
+
     def _form(self, t: float, y: Array) -> ModalArrays:
         """The modal form of N at packed moments y, as `backward` takes it."""
         packing = self.lowered.facts.packing
         rows, columns = packing.triangle
         scale = np.sqrt(np.maximum(self.tolerance.size[packing.n : packing.moments][rows == columns], 1e-300))
-        N = gains(self.lowered, t, y, self.p)
+        N = gains(self.lowered, t, self._seen(y), self.p)
         if not np.isfinite(N).all():
             raise Breakdown("The equivalent gains are not finite.")
         return modal_arrays(scaled_form(N, scale), scale)
