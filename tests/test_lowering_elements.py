@@ -208,3 +208,33 @@ def test_what_twenty_elements_cost():
     one = {k: n for k, n in sizes.items() if k not in ("gas_spring", "power_law_damping", "coulomb_normal_load")}
     assert max(one.values()) < 800
     assert max(sizes.values()) < 4000
+
+
+# -- nothing varies ---------------------------------------------------------------------------------------------------
+
+SCALARS = [
+    "tanh(z)", "atan(z)", "sqrt(1 + z**2)", "1/(1 + z**2)", "log(1 + z**2)", "exp(0.3*z)*tanh(z)", "tanh(50*z)",
+    "sign(z)*abs(z)**1.5", "max(z, 0)**2.5", "tanh(z) if z > 0.3 else z", "erf(z)", "z*abs(z)", "exp(-z**2)",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", [*LIBRARY, *SCALARS])
+def test_the_slope_in_the_variance_is_half_the_curvature_where_nothing_varies(kind):
+    if kind in LIBRARY:
+        function, values = compiled(named(kind))
+    else:
+        function, values = element_function(describing_function((symbol("z"),), parse(kind)), ()), []
+    k = function.size1_in(0)
+    v = ca.SX.sym("v", k + k * (k + 1) // 2)
+    both = ca.vertcat(*function(v[:k], v[k:], values))
+    J = ca.Function("J", [v], [both, ca.jacobian(both, v)])
+    still, h = np.zeros(k * (k + 1) // 2), 1e-4
+    for mean in (np.array([0.77, -0.61])[:k], np.array([-1.13, 0.47])[:k]):
+        slopes = np.array(J(np.concatenate([mean, still]))[1])
+        for a in range(k):
+            ahead, behind = (np.array(J(np.concatenate([mean + d * np.eye(k)[a], still]))[0]).ravel() for d in (h, -h))
+            curvature = (ahead - behind)[1:] / (2 * h)  # of f, by the gains
+            for b in range(a + 1):
+                column = k + a * (a + 1) // 2 + b
+                assert slopes[0, column] == pytest.approx(curvature[b] / (2 if a == b else 1), rel=1e-5, abs=1e-6)
+                assert abs(slopes[1:, column]).max() < 1e5  # gains too: of third derivatives

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import reduce
 from math import comb
 
 import casadi as ca
@@ -26,6 +27,7 @@ from cadet_sym.lowering.tables import NARROW, NARROW_ORDER, table_moment
 # Added to the variance inside: far below what the variance of any state is resolved to, so that F and the gain are those
 # of the variance itself, and so large that s^-6 is finite: derivatives at a jump go as powers of 1/s.
 FLOOR = 1e-100
+RESOLVED = 1e-14  # of the square of the scale on which f changes, added where the nodes of a sum go by a standard deviation
 
 
 @dataclass
@@ -230,7 +232,7 @@ class _Panels:
     """
 
     def __init__(self, gaussian: Gaussian, part: Integral):
-        g = self.gaussian = gaussian
+        g = self.gaussian = Gaussian(gaussian.m, resolved(gaussian, [part]), gaussian.env)
         self.low = ca.SX(-REACH) if part.lower.is_infinite else g.within(part.lower)
         self.high = ca.SX(REACH) if part.upper.is_infinite else ca.fmax(self.low, g.within(part.upper))
         steep = [((g.value(p.centre) - g.m) / g.s, g.value(p.width) / g.s) for p in part.steep]
@@ -241,7 +243,9 @@ class _Panels:
             self.symbol = sp.Dummy("x", positive=True)
             self.value = about_end(part.value, part.argument, end, self.side, self.symbol)
             self.gap = beyond_reach(g, end, self.side)
-            points = [g.s * (n.distance + self.gap) for n in self.nodes if n.distance is not None]
+            beyond = self.side * (g.value(end) - g.m)
+            near = [(n.distance, beyond - self.side * g.s * n.u) for n in self.nodes if n.distance is not None]
+            points = [ca.if_else(self.gap > 0, far, g.s * distance) for distance, far in near]
         else:
             self.symbol, self.value = part.argument, part.value
             points = [g.m + g.s * n.u for n in self.nodes]
@@ -275,6 +279,26 @@ class _Panels:
         boundary = last * density(end - self.side * nodes.length)
         parts = (self._sum(i, change, nodes.u) - self.side * boundary) / g.s
         return ca.if_else(self.gap > 0, plain, parts)
+
+
+def resolved(gaussian: Gaussian, parts: Iterable[Integral]) -> ca.SX:
+    """The variance, so large that the derivative in it is not lost to rounding where there is none.
+
+    Sums of u f'(m + s u)/(2 s) over the nodes leave rounding over s. A part of the square of the scale on which f changes, or
+    of the distance to where it has a kink if that is less, is seen in nothing else.
+    """
+    squares = []
+    for part in parts:
+        for place in part.steep:
+            width, distance = gaussian.value(place.width), gaussian.m - gaussian.value(place.centre)
+            squares.append(ca.if_else(width > 0, width, distance) ** 2)
+        squares += [(gaussian.m - gaussian.value(end)) ** 2 for end in (part.lower, part.upper) if not end.is_infinite]
+        for wave in part.value.atoms(sp.sin, sp.cos):
+            slope = sp.diff(wave.args[0], part.argument)
+            if slope.free_symbols - gaussian.env.keys():
+                return gaussian.p
+            squares.append(1 / (gaussian.value(slope) ** 2 + FLOOR))
+    return gaussian.p + RESOLVED * reduce(ca.fmin, squares) if squares else gaussian.p
 
 
 def beyond_reach(gaussian: Gaussian, end: sp.Expr, side: int) -> ca.SX:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache, reduce
 from typing import TYPE_CHECKING
 
@@ -17,7 +18,7 @@ from cadet_sym.expectation.steep import Steep
 from cadet_sym.lowering.algebra import CasadiAlgebra
 from cadet_sym.lowering.bivariate import one_minus_square
 from cadet_sym.lowering.expressions import Lowering
-from cadet_sym.lowering.gaussian import Gaussian, beyond_reach
+from cadet_sym.lowering.gaussian import Gaussian, beyond_reach, resolved
 
 if TYPE_CHECKING:
     from cadet_sym.lowering.joint import Joint
@@ -36,7 +37,9 @@ class _Conditioning:
     """The other arguments given the outer one: mean m_i + L_i u, covariance S_ij - L_i L_j, u = (z - m)/s."""
 
     def __init__(self, nested: Nested, joint: Joint):
-        self.nested, self.joint = nested, joint
+        self.nested = nested
+        stands = all(crossing.curve is None and crossing.slope == 0 for crossing in nested.crossings)
+        self.joint = joint = _resolved(nested, joint) if stands else joint
         self.outer: Gaussian = joint.marginal(nested.outer)
         self.symbol = nested.slices[0].part.argument
         self.rest = nested.slices[0].inner.arguments
@@ -143,7 +146,8 @@ class _Conditioning:
             return outer.m + outer.s * nodes.u
         side = 1 if piece.part.singular[1] else -1
         end = piece.part.upper if side > 0 else piece.part.lower
-        return outer.value(end) - side * outer.s * (nodes.distance + beyond_reach(outer, end, side))
+        near = outer.value(end) - side * outer.s * nodes.distance
+        return ca.if_else(beyond_reach(outer, end, side) > 0, outer.m + outer.s * nodes.u, near)
 
     def _sums(
         self, df: DescribingFunction, slope: DescribingFunction, z: ca.SX, u: ca.SX, weight: ca.SX
@@ -161,6 +165,17 @@ class _Conditioning:
         else:
             totals = _called(nodes, count // together)(*columns, *same)
         return totals[0], totals[1], totals[2:]
+
+
+def _resolved(nested: Nested, joint: Joint) -> Joint:
+    """The distribution with an outer variance whose derivatives are not lost to rounding."""
+    count = len(nested.crossings)
+    parts = [replace(piece.part, steep=piece.part.steep[count:]) for piece in nested.slices]
+    if any(place.width.has(*nested.slices[0].inner.arguments) for part in parts for place in part.steep):
+        return joint
+    o, S = nested.outer, ca.SX(joint.S)
+    S[o * (o + 3) // 2] = resolved(joint.marginal(o), parts)
+    return replace(joint, S=S, marginals={}, pairs={})
 
 
 def _frozen(u: ca.SX, width: ca.SX) -> tuple[ca.SX, ca.SX]:

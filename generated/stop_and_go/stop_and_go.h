@@ -35,13 +35,13 @@ enum {
 };
 
 /* Operations of one evaluation; they do not depend on the data.
- * rate: 201 additions, 102 comparisons, 36 divisions, 2 function calls, 188 multiplications, 1 square roots
- * jacobian: 651 additions, 292 comparisons, 105 divisions, 2 function calls, 901 multiplications, 1 square roots
- * outputs: 251 additions, 170 comparisons, 23 divisions, 4 function calls, 190 multiplications, 2 square roots
+ * rate: 201 additions, 102 comparisons, 36 divisions, 2 function calls, 187 multiplications, 1 square roots
+ * jacobian: 651 additions, 292 comparisons, 105 divisions, 2 function calls, 900 multiplications, 1 square roots
+ * outputs: 251 additions, 170 comparisons, 23 divisions, 4 function calls, 189 multiplications, 2 square roots
  */
 enum {
-    STOP_AND_GO_RATE_OPERATIONS = 530,
-    STOP_AND_GO_OUTPUT_OPERATIONS = 640
+    STOP_AND_GO_RATE_OPERATIONS = 529,
+    STOP_AND_GO_OUTPUT_OPERATIONS = 639
 };
 
 enum { /* states */
