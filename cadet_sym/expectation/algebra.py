@@ -22,6 +22,8 @@ class NumpyAlgebra:
     log = staticmethod(np.log)
     ceil = staticmethod(np.ceil)
     asinh = staticmethod(np.arcsinh)
+    expm1 = staticmethod(np.expm1)
+    log1p = staticmethod(np.log1p)
     sqrt = staticmethod(np.sqrt)
     fabs = staticmethod(np.fabs)
     fmin = staticmethod(np.fmin)

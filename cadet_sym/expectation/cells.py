@@ -41,7 +41,7 @@ class Cell:
 
     def where(self, condition: Boolean) -> Cell | None:
         """The cell under one more condition on the parameters; None if it can never hold."""
-        if isinstance(condition, BooleanFalse) or sp.Not(condition) in self.conditions:
+        if isinstance(condition, BooleanFalse) or any(_exclude(condition, known) for known in self.conditions):
             return None
         if isinstance(condition, BooleanTrue) or condition in self.conditions:
             return self
@@ -75,6 +75,14 @@ class Cell:
 
 
 Partition = list[tuple[Cell, sp.Expr]]
+
+
+def _exclude(a: Boolean, b: Boolean) -> bool:
+    """Whether two conditions are seen never to hold together: opposites, or different signs of one expression."""
+    if a == sp.Not(b):
+        return True
+    strict = sp.StrictGreaterThan | sp.StrictLessThan | sp.Equality
+    return isinstance(a, strict) and isinstance(b, strict) and a.args == b.args and a.func is not b.func
 
 
 def _known_not_less(a: sp.Expr, b: sp.Expr) -> bool:

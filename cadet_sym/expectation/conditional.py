@@ -24,6 +24,8 @@ from cadet_sym.expectation.planar import Planar
 from cadet_sym.expectation.polar import Homogeneous
 from cadet_sym.expectation.quadrature import Wish
 from cadet_sym.expectation.smooth import planar
+from cadet_sym.expectation.switched import Switched
+from cadet_sym.expectation.switching import switched
 from cadet_sym.expectation.tables import written_out
 from cadet_sym.expectation.univariate import Univariate, univariate
 from cadet_sym.language.vocabulary import Lookup
@@ -100,7 +102,7 @@ class _Term:
 
 def products(
     arguments: tuple[sp.Symbol, ...], body: sp.Expr, where: str, wish: Wish
-) -> tuple[Product | Nested | Planar | Homogeneous, ...]:
+) -> tuple[Product | Nested | Planar | Homogeneous | Switched, ...]:
     """Write a function as a sum of terms whose expectation is known.
 
     Raises
@@ -111,7 +113,7 @@ def products(
     if len(arguments) == 1:
         return (Product(sp.S.One, (0,), ((0, univariate(body, arguments[0], where, wish)),)),)
     terms, rest = _separated(arguments, body, where)
-    found: list[Product | Nested | Planar | Homogeneous] = []
+    found: list[Product | Nested | Planar | Homogeneous | Switched] = []
     for term in _merged(terms):
         product = _product(term, arguments, where, wish)
         if isinstance(product, Product):
@@ -134,7 +136,7 @@ def _used(arguments: tuple[sp.Symbol, ...], expr: sp.Expr) -> tuple[int, ...]:
 
 def _integrated(
     arguments: tuple[sp.Symbol, ...], used: tuple[int, ...], body: sp.Expr, where: str, wish: Wish
-) -> tuple[Nested | Planar | Homogeneous, ...]:
+) -> tuple[Nested | Planar | Homogeneous | Switched, ...]:
     if len(used) > MAX_ARGUMENTS:
         names = ", ".join(str(arguments[i]) for i in used)
         raise LinearisationError(
@@ -144,6 +146,21 @@ def _integrated(
         )
     if (found := homogeneous(arguments, used, body, wish)) is not None:
         return (found,)
+    curves, rest = [], []
+    for term in dict.fromkeys((body, *sp.Add.make_args(body))):  # as a whole, or else one by one
+        if (along := switched(arguments, used, term, wish)) is None:
+            rest.append(term)
+            continue
+        curves.append(along)
+        if term == body:
+            return (along,)
+    left = sp.Add(*(term for term in rest if term != body or not body.is_Add))
+    return (*curves, *_smooth(arguments, used, left, where, wish)) if left != 0 else tuple(curves)
+
+
+def _smooth(
+    arguments: tuple[sp.Symbol, ...], used: tuple[int, ...], body: sp.Expr, where: str, wish: Wish
+) -> tuple[Nested | Planar, ...]:
     return planar(arguments, used, body, wish) or (nested(arguments, used, body, where, wish),)
 
 

@@ -196,7 +196,11 @@ class Splitter:
         if sign is not None:
             yield cell, sign
             return
-        for condition, sign in ((sp.Gt(expr, 0), 1), (sp.Lt(expr, 0), -1), (sp.Eq(expr, 0), 0)):
+        factor, core = expr.as_coeff_Mul()
+        if core.could_extract_minus_sign():
+            factor, core = -factor, -core
+        side = 1 if factor > 0 else -1
+        for condition, sign in ((sp.Gt(core, 0), side), (sp.Lt(core, 0), -side), (sp.Eq(core, 0), 0)):
             part = cell.where(condition)
             if part is not None:
                 yield part, sign

@@ -15,6 +15,8 @@ class CasadiAlgebra:
     log = staticmethod(ca.log)
     ceil = staticmethod(ca.ceil)
     asinh = staticmethod(ca.asinh)
+    expm1 = staticmethod(ca.expm1)
+    log1p = staticmethod(ca.log1p)
     sqrt = staticmethod(ca.sqrt)
     fabs = staticmethod(ca.fabs)
     fmin = staticmethod(ca.fmin)

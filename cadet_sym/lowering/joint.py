@@ -14,12 +14,14 @@ from cadet_sym.expectation.describing import DescribingFunction
 from cadet_sym.expectation.nested import Nested
 from cadet_sym.expectation.planar import Planar
 from cadet_sym.expectation.polar import Homogeneous
+from cadet_sym.expectation.switched import Switched
 from cadet_sym.lowering.columns import curves
 from cadet_sym.lowering.gaussian import Gaussian
 from cadet_sym.lowering.nested import nested_moments
 from cadet_sym.lowering.pair import Pair
 from cadet_sym.lowering.planar import planar_moments
 from cadet_sym.lowering.polar import polar_moments
+from cadet_sym.lowering.switched import switched_moments
 
 
 @dataclass
@@ -76,9 +78,11 @@ class Joint:
                 gain = [k + slopes.get(a, ca.SX(0)) for a, k in enumerate(gain)]
         return F, ca.vertcat(*gain)
 
-    def _integrated(self, product: Nested | Planar | Homogeneous) -> tuple[ca.SX, dict[int, ca.SX]]:
+    def _integrated(self, product: Nested | Planar | Homogeneous | Switched) -> tuple[ca.SX, dict[int, ca.SX]]:
         if isinstance(product, Homogeneous):
             return polar_moments(product, self)
+        if isinstance(product, Switched):
+            return switched_moments(product, self)
         return nested_moments(product, self) if isinstance(product, Nested) else planar_moments(product, self)
 
 

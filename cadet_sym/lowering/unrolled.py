@@ -19,12 +19,14 @@ from cadet_sym.expectation.nested import Nested
 from cadet_sym.expectation.planar import Planar
 from cadet_sym.expectation.polar import Homogeneous
 from cadet_sym.expectation.smooth import with_counts
+from cadet_sym.expectation.switched import Switched
+from cadet_sym.expectation.switching import with_order
 from cadet_sym.language.expression import symbol
 from cadet_sym.linearisation import Nonlinearity
 from cadet_sym.lowering.survey import with_elements
 from cadet_sym.moments import MomentEquations
 
-__all__ = ["in_line", "unrolled"]
+__all__ = ["unrolled"]
 
 MANY_PAIRS = 2000
 """Pairs of kinks of two measured curves that are too many to be written out."""
@@ -32,26 +34,15 @@ MANY_PAIRS = 2000
 COUNTS = (40, 24)
 """Nodes on the outer and the inner line: enough for moments of the order of the functions' own scales."""
 
+ORDER = 48
+"""Nodes of a stretch of a conic: the same."""
+
 
 def unrolled(equations: MomentEquations) -> MomentEquations:
     """The same equations with fixed numbers of nodes; themselves if all are fixed already."""
     values = equations.quasi_linear.system.model.parameter_values()
     numbers = {symbol(name): float(value) for name, value in values.items()}
     return with_elements(equations, lambda element, where: _element(element, where, numbers))
-
-
-def in_line(df: DescribingFunction) -> DescribingFunction:
-    """The same with sums over the nodes of one argument and over the rows of single curves as scalar operations.
-
-    Where derivatives are wanted: those of many calls cost twice as much, for they are called again for every direction.
-    """
-
-    def changed(part: Product | Nested | Planar | Homogeneous) -> Product | Nested | Planar | Homogeneous:
-        if isinstance(part, Nested):
-            return part.written_with(in_line)
-        return part.written_out() if isinstance(part, Product) and not part.pairs else part
-
-    return replace(df, products=tuple(map(changed, df.products)))
 
 
 def _element(element: Nonlinearity, where: str, numbers: Mapping[sp.Symbol, float]) -> Nonlinearity:
@@ -65,14 +56,16 @@ def _function(df: DescribingFunction, where: str, numbers: Mapping[sp.Symbol, fl
 
 
 def _fixed(
-    part: Product | Nested | Planar | Homogeneous, where: str, numbers: Mapping[sp.Symbol, float]
-) -> Product | Nested | Planar | Homogeneous:
+    part: Product | Nested | Planar | Homogeneous | Switched, where: str, numbers: Mapping[sp.Symbol, float]
+) -> Product | Nested | Planar | Homogeneous | Switched:
     if isinstance(part, Planar):
         return with_counts(part, COUNTS, numbers)
     if isinstance(part, Homogeneous):
         return with_one_rule(part, numbers)
     if isinstance(part, Nested):
         return part.written_with(lambda df: _function(df, where, numbers))
+    if isinstance(part, Switched):
+        return with_order(part, ORDER, numbers)
     if part.pairs > MANY_PAIRS:
         raise ExportError(
             f"{where}: a product of two measured curves takes {part.pairs} pairs of their rows, too many to write out; "

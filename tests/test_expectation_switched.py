@@ -1,0 +1,106 @@
+"""Polynomials that switch along conics: accuracy at any scale and correlation, derivatives, zero variance, fixed orders."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from cadet_sym.expectation import describing_function
+from cadet_sym.expectation.adaptive import integrate
+from cadet_sym.expectation.switched import Switched
+from cadet_sym.expectation.switching import with_order
+from cadet_sym.language.expression import parse, symbol
+from cadet_sym.language.numeric import evaluate
+from cadet_sym.lowering.elements import element_function
+
+X, Y, K, C = symbol("x"), symbol("y"), symbol("k"), symbol("c")
+TEXTS = [
+    "clip(x*y, -1, 1)", "clip(x*y, -1, 1)*y", "sign(x*y - 1)*x", "max(x**2 - y, 0)", "min(x**2, y)", "max(x**2 + y**2 - 1, 0)",
+    "x**2*y*heaviside(1 - x**2 - 4*y**2)", "max(x**2 - 2*x*y - y**2 + x - 1, 0)",
+]  # fmt: skip
+WITH_PARAMETERS = [
+    "clip(k*x*y, -c, c)", "sign(x*y - c)*x", "max(k*x**2 - y + c, 0)*y", "k*x*sign(x**2 + y**2 - c)",
+    "max(x**2 - 2*x*y - y**2 + k*x - c, 0)", "y**2*max(x**2 - 2*x*y + 5*y**2 + k*x - c, 0)",
+]  # fmt: skip
+NUMBERS = {K: 1.3, C: 0.7}
+CASES = [
+    ((0.4, -0.3), (0.7, 1.5), 0.5), ((2.0, 1.0), (3.0, 2.0), -0.999999), ((-0.6, 0.2), (0.05, 0.3), 0.0),
+    ((0.0, 0.0), (10.0, 10.0), 0.3), ((-9.0, 4.0), (10.0, 8.0), 1.0), ((0.9, 1.2), (0.4, 0.1), -1.0),
+    ((1.0, 1.0), (1e-3, 1e-3), 0.9), ((0.5, 2.0), (2.0, 1e-9), 0.0), ((0.3, 0.1), (0.0, 1.2), 0.0),
+]  # fmt: skip
+
+
+@lru_cache
+def describe(text: str):
+    df = describing_function((X, Y), parse(text), name="f", values=NUMBERS)
+    assert all(isinstance(product, Switched) for product in df.products)
+    assert df.error <= 1e-8
+    return df
+
+
+def covariance(stds, rho):
+    return [stds[0] ** 2, rho * stds[0] * stds[1], stds[1] ** 2]
+
+
+@pytest.mark.parametrize(("text", "number"), [(t, n) for k, t in enumerate(TEXTS) for n in range(len(CASES)) if (k + n) % 2])
+def test_it_is_the_integral_of_the_function_at_any_correlation(text, number):
+    mean, stds, rho = CASES[number]
+    function = element_function(describe(text), ())
+    L = np.array([[stds[0], 0], [rho * stds[1], stds[1] * np.sqrt(1 - rho**2)]])
+    truth = integrate((X, Y), parse(text), {}, mean, L, tolerance=1e-9, most=1_000_000)
+    F, gain = (np.array(x).ravel() for x in function(mean, covariance(stds, rho), []))
+    size = max(truth.size, 1e-6)
+    assert truth.error <= 5e-9 * size
+    assert F[0] == pytest.approx(truth.value, abs=1e-8 * size)
+    assert L.T @ gain == pytest.approx(truth.moments, abs=1e-8 * size)  # E[f e], by Stein's lemma
+
+
+@pytest.mark.parametrize("text", WITH_PARAMETERS)
+def test_derivatives_are_those_of_the_expectations_in_parameters_too(text):
+    function, v = element_function(describe(text), (K, C)), ca.SX.sym("v", 7)
+    both = ca.vertcat(*function(v[:2], v[2:5], v[5:]))
+    J = ca.Function("J", [v], [both, ca.jacobian(both, v)])
+    here, h = np.array([0.3, -0.4, 0.8, 0.3, 1.1, 1.3, 0.7]), 1e-3
+    slopes = np.array(J(here)[1])
+    for k, e in enumerate(h * np.eye(7)):
+        one, two = (np.array(J(here + n * e)[0]) - np.array(J(here - n * e)[0]) for n in (1, 2))
+        assert slopes[:, k] == pytest.approx(((8 * one - two) / (12 * h)).ravel(), rel=1e-7, abs=1e-7)
+
+
+@pytest.mark.parametrize("text", WITH_PARAMETERS)
+def test_without_variance_it_is_the_function_and_all_is_finite(text):
+    function, v = element_function(describe(text), (K, C)), ca.SX.sym("v", 7)
+    both = ca.vertcat(*function(v[:2], v[2:5], v[5:]))
+    J = ca.Function("J", [v], [both, ca.jacobian(both, v)])
+    for variances in ([0, 0, 0], [1e-300, 0, 1e-300], [0, 0, 1], [1, 0, 0], [1, 1, 1], [1, -1, 1]):
+        for mean in ([0.3, -0.2], [1.0, 0.7], [0.7, 1.0], [0.0, 0.0], [0.0, 0.7]):
+            found = [np.array(x) for x in J([*mean, *variances, 1.3, 0.7])]
+            assert all(np.all(np.isfinite(x)) for x in found)
+            if max(variances) < 0.1:
+                plain = float(evaluate(parse(text), {**NUMBERS, X: mean[0], Y: mean[1]}))
+                assert found[0][0, 0] == pytest.approx(plain, abs=1e-9)
+
+
+def test_the_curvature_in_the_variance_is_half_that_in_the_mean_where_nothing_varies():
+    function, v = element_function(describe("min(x**2, y)*x"), ()), ca.SX.sym("v", 5)
+    J = ca.Function("J", [v], [ca.jacobian(function(v[:2], v[2:], [])[0], v)])
+    assert np.array(J([0.5, 2.0, 0, 0, 0])).ravel() == pytest.approx([0.75, 0.0, 1.5, 0.0, 0.0], abs=1e-12)
+
+
+def test_a_fixed_order_says_what_it_leaves():
+    df = describe("clip(x*y, -1, 1)")
+    fixed = replace(df, products=tuple(with_order(product, 48, {}) for product in df.products))  # type: ignore[arg-type]
+    assert df.error < fixed.error < 1e-4
+    moments = [0.3, -0.4], [1.0, 0.5, 1.0], []
+    wanted, found = (element_function(each, ())(*moments) for each in (df, fixed))
+    assert float(found[0]) == pytest.approx(float(wanted[0]), abs=fixed.error)
+
+
+def test_a_sum_of_curves_of_several_kinds_is_taken_term_by_term():
+    df = describing_function((X, Y), parse("max(x**2 - y, 0) + clip(x*y, -1, 1) + max(x**2 + y**2 - 1, 0)"))
+    kinds = [border.kind for product in df.products if isinstance(product, Switched) for border in product.borders]
+    assert sorted(set(kinds)) == ["circle", "hyperbola", "parabola"]
