@@ -71,7 +71,7 @@ class Rungs:
 
 
 TOGETHER = 4  # nodes of an inner line that are taken at once, by which it is faster and larger
-OUTER = Rungs(10, 1.09, 36)
+OUTER = Rungs(10, 1.19, 19)
 INNER = Rungs(8, 1.12, 25, multiple=TOGETHER)
 
 

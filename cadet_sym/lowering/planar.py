@@ -103,7 +103,7 @@ class _Sums:
 
     def __init__(self, planar: Planar, free: Sequence[sp.Symbol], expressions: Sequence[sp.Expr], every: int = 1):
         self.planar, self.free, self.expressions = planar, free, expressions
-        self.outer_rungs, self.inner_rungs = replace(OUTER, every=every), replace(INNER, every=every)
+        self.outer_rungs, self.inner_rungs = replace(OUTER, every=max(1, every // 2)), replace(INNER, every=every)
         self.q = ca.SX.sym("q", len(free))
         self.env = {symbol: self.q[k] for k, symbol in enumerate(free)}
         self.at = ca.SX.sym("at", 6)
@@ -171,6 +171,7 @@ class _Sums:
 
     def line(self, count: int) -> ca.Function:
         """The inner line with that many nodes: (u, weight, stretch, moments, parameters) -> its part of the expectations."""
+        assert count % TOGETHER == 0
         u, weight, line = ca.MX.sym("u"), ca.MX.sym("weight"), ca.MX.sym("line", 4)
         at, q = ca.MX.sym("at", 6), ca.MX.sym("q", len(self.free))
         calls, step = count // TOGETHER, (line[3] - line[2]) / (count - 1)
