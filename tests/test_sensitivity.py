@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import ROOT
 from reference_models import toml
 
 import cadet_sym as cs
@@ -208,6 +209,50 @@ def test_where_the_adjoint_gives_up_forward_goes_on(monkeypatch):
     np.testing.assert_array_equal(compiled.gradient("y"), expected)
     with pytest.raises(SolverError, match="too much work"):
         compiled.gradient("y", method="adjoint")
+
+
+HELD = """
+name = "hysteresis and dry friction from rest"
+[parameters]
+k = 10.0
+c = 1.0
+A = 1.0
+F = 0.5
+q = 1.0
+[elements.hysteresis]
+arguments = ["v", "y"]
+value = "A*v - 0.5*abs(v)*y - 0.5*v*abs(y)"
+[rates]
+x = "v"
+v = "-k*(x + y) - c*v - F*sign(v) + w"
+y = "hysteresis(v, y)"
+[noise]
+w = "q"
+[run]
+duration = 2.0
+"""
+
+
+@pytest.mark.parametrize("which", ["held", "quarter_car_linear", "quarter_car_damper", "road_class_change"])
+def test_from_rest_both_ways_are_differences_of_runs(which):
+    """Towards a start without variance the adjoint grows without bound; and all parameters at once are many for Newton."""
+    compiled = cs.compile(toml(HELD) if which == "held" else ROOT / "models" / f"{which}.toml")
+    times = compiled.propagate().time[-1:] / 2
+    history = compiled.propagate(times, rtol=1e-9)
+    values, name = history.provenance.parameters, history.states[1]
+    parameters = list(values)[:3]
+    forward, adjoint = (history.gradient(name, parameters, times, method=way) for way in ("forward", "adjoint"))
+    unit = np.array([values[each] for each in parameters])
+    expected = np.empty_like(forward)
+    for j, each in enumerate(parameters):
+        low, high = (
+            compiled.propagate(times, rtol=1e-10, parameters={each: values[each] * share}).variance[name]
+            for share in (0.999, 1.001)
+        )
+        expected[:, j] = (high - low) / (2e-3 * values[each])
+    size = np.abs(expected * unit).max()
+    np.testing.assert_allclose(forward * unit, expected * unit, atol=1e-5 * size, rtol=0)
+    np.testing.assert_allclose(adjoint * unit, expected * unit, atol=1e-5 * size, rtol=0)
 
 
 def test_a_breakpoint_that_comes_or_goes_is_said():

@@ -8,7 +8,7 @@ t_b(p) moves, S gains (y'(t_b-) - y'(t_b+)) dt_b/dp.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -17,7 +17,7 @@ import numpy.typing as npt
 from cadet_sym.errors import SolverError
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.solve.scales import peaks
-from cadet_sym.solve.sensitivity import adjoint, forward
+from cadet_sym.solve.sensitivity import adjoint, forward, head
 from cadet_sym.solve.transient import Start, integrate
 
 __all__ = ["Gradient", "start_entry"]
@@ -94,15 +94,29 @@ class Gradient:
     def _adjoint(self, wanted: ca.Function, start: Start, times: Array, size: Array, slope: Array) -> Array:
         y = integrate(self.functions, start, times, rtol=1e-9).y
         moved, rows = self._moved(start), []
+        begin, begun, slope_there = self._headed(start, times, size, slope)
         for t, moments in zip(times, y, strict=True):
             _, in_y, in_p = (np.asarray(each) for each in wanted(t, moments, start.p))
-            direct, at_start = np.zeros(len(start.p)), in_y[0]
             if t > 0:
-                direct, at_start = adjoint(self.functions, start, size, float(t), in_y[0], moved)
-            row = at_start @ slope
-            row[: len(direct)] += in_p[0] + direct
+                direct, at_begin = adjoint(self.functions, begun, size, float(t), in_y[0], moved, begin)
+                row = at_begin @ slope_there
+                row[: len(direct)] += direct
+            else:
+                row = in_y[0] @ slope
+            row[: len(start.p)] += in_p[0]
             rows.append(row)
         return np.array(rows)
+
+    def _headed(self, start: Start, times: Array, size: Array, slope: Array) -> tuple[float, Start, Array]:
+        """Where runs backwards end, and the moments and their derivatives there."""
+        later = times[times > 0]
+        begin = head(start, self.functions.facts.packing.diagonal, float(later[0])) if len(later) else 0.0
+        if begin == 0:
+            return 0.0, start, slope
+        count = len(start.p)
+        own = [*range(count), *([-1] * (slope.shape[1] - count))]
+        y, S = forward(self.functions, start, slope, own, size, np.array([begin]), {})
+        return begin, replace(start, y=y[0]), S[0]
 
     def _size(self, start: Start, end: float) -> Array:
         grid = np.linspace(0, end, 33) if end > 0 else np.zeros(1)

@@ -26,7 +26,7 @@ from cadet_sym.errors import ModelError, SolverError
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.solve.transient import Start
 
-__all__ = ["METHODS", "adjoint", "check_method", "forward", "quantity"]
+__all__ = ["METHODS", "adjoint", "check_method", "forward", "head", "quantity"]
 
 Array = npt.NDArray[np.float64]
 
@@ -35,9 +35,16 @@ METHODS = ("auto", "forward", "adjoint")
 RTOL = 1e-9
 """Of the moments and their derivatives together."""
 
-BACKWARDS = (1e-10, 1e-9, 1e-8)
-"""Absolute tolerances to try for the run backwards, where the largest entry is one; near a kink without variance the
-adjoint grows without bound."""
+BACKWARDS = ((1e-10, RTOL / 10), (1e-9, 1e-8), (1e-8, 1e-7))
+"""Absolute and relative tolerances to try for the run backwards, where the largest entry is one: what is read between the
+steps of the run forwards is smooth only so far."""
+
+STOPS = 8
+"""The run backwards has no more than 500 steps between two times, which are a stretch's in so many parts."""
+
+HEAD = 1e-2
+"""Share of the first stretch that is left to the derivatives forwards where there is a state without variance: the adjoint
+of its variance grows without bound towards such a start."""
 
 EDGE = 1e-9
 """How far before and after a breakpoint its two sides are looked at, relative to its time."""
@@ -70,6 +77,28 @@ def forward(
     size : (size,) how large every moment becomes.
     moved : how every breakpoint moves with the columns, (c,) each.
     """
+    try:
+        return _together(lowered, start, start_slope, columns, size, times, moved)
+    except SolverError:
+        if (c := len(columns)) < 2:
+            raise
+    parts = []  # Newton's method may fail for many columns and not for few
+    for own in (slice(0, c // 2), slice(c // 2, c)):
+        shifts = {t: each[own] for t, each in moved.items()}
+        parts.append(forward(lowered, start, start_slope[:, own], columns[own], size, times, shifts))
+    return parts[0][0], np.concatenate([S for _, S in parts], axis=2)
+
+
+def _together(
+    lowered: MomentFunctions,
+    start: Start,
+    start_slope: Array,
+    columns: Sequence[int],
+    size: Array,
+    times: Array,
+    moved: Mapping[float, Array],
+) -> tuple[Array, Array]:
+    """All columns in one run; see `forward`."""
     n, c = len(start.y), len(columns)
     y, S = start.y, start_slope
     moments, slopes = [], []
@@ -108,7 +137,8 @@ def _run_forward(
 def _first_success(attempt: Callable[[_Way], Array], stretch: _Stretch) -> Array:
     """BDF may not start where an element sits on its kink without variance: its slope in the variance has no bound."""
     reason: object = "the result is not finite"
-    for way in ((), (("step0", 1e-7 * float(stretch.grid[-1] - stretch.begin)),), EXPLICIT):
+    length = float(stretch.grid[-1] - stretch.begin)
+    for way in ((), (("step0", 1e-7 * length),), EXPLICIT):
         try:
             found = attempt(way)
         except RuntimeError as error:
@@ -122,24 +152,36 @@ def _first_success(attempt: Callable[[_Way], Array], stretch: _Stretch) -> Array
 EXPLICIT: _Way = (("linear_multistep_method", "adams"), ("nonlinear_solver_iteration", "functional"))
 
 
+def head(start: Start, diagonal: npt.NDArray[np.intp], time: float) -> float:
+    """Where runs backwards from a time may end."""
+    if np.all(start.y[diagonal] > 0):
+        return 0.0
+    return HEAD * min([time, *(b for b in start.breakpoints if b > 0)])
+
+
 def adjoint(
-    lowered: MomentFunctions, start: Start, size: Array, time: float, weight: Array, moved: Mapping[float, Array]
+    lowered: MomentFunctions,
+    start: Start,
+    size: Array,
+    time: float,
+    weight: Array,
+    moved: Mapping[float, Array],
+    begin: float = 0.0,
 ) -> tuple[Array, Array]:
     """Derivatives of weight . y(time) in p (parameters,) and in the start (size,), by one run backwards.
 
     Parameters
     ----------
+    start : of which the moments are those at `begin`.
     weight : (size,) derivative of the quantity wanted in the packed moments at that time.
     moved : how every breakpoint moves with the parameters, (parameters,) each.
     """
     bar, slope = weight.astype(float), np.zeros(len(start.p))
-    stretches = list(_stretches(start, np.array([time])))
+    stretches = list(_stretches(start, np.array([time]), begin))
     states = [start.y]
     for stretch in stretches:
-        run = _plain(lowered, float(stretch.grid[-1] - stretch.begin), BACKWARDS[0])
-        states.append(
-            np.asarray(run(x0=states[-1] / size, p=ca.vertcat(start.p, size, stretch.begin))["xf"]).ravel() * size
-        )
+        run = _plain(lowered, float(stretch.grid[-1] - stretch.begin), *BACKWARDS[0])
+        states.append(np.asarray(run(x0=states[-1] / size, p=ca.vertcat(start.p, size, stretch.begin))["xf"])[:, -1] * size)
     for stretch, y in zip(reversed(stretches), reversed(states[:-1]), strict=True):
         bar, gained = _backwards(lowered, start.p, stretch, y, size, bar)
         slope += gained
@@ -153,11 +195,13 @@ def _backwards(
 ) -> tuple[Array, Array]:
     """What a weight at the end of a stretch is at its beginning, and what it has gathered in p on the way."""
     unit = np.abs(bar * size).max(initial=0.0) or 1.0
-    seeds = [bar * size / unit, [], [], [], [], [], []]
+    weights = np.zeros((len(bar), STOPS))
+    weights[:, -1] = bar * size / unit
+    seeds = [weights, [], [], [], [], [], []]
     inputs = [y / size, [], ca.vertcat(p, size, stretch.begin), [], [], [], []]
     reason: object = "the adjoint is not finite"
-    for tolerance in BACKWARDS:
-        run = _plain(lowered, float(stretch.grid[-1] - stretch.begin), tolerance)
+    for tolerances in BACKWARDS:
+        run = _plain(lowered, float(stretch.grid[-1] - stretch.begin), *tolerances)
         try:
             with redirect_stderr(StringIO()):  # CasADi prints the inputs of what fails
                 found = run.reverse(1)(*inputs, *run.call(inputs), *seeds)
@@ -178,8 +222,8 @@ def _jump(lowered: MomentFunctions, p: Array, t: float, y: Array) -> Array:
     return before - after
 
 
-def _stretches(start: Start, times: Array) -> Iterator[_Stretch]:
-    edges = [0.0, *(b for b in start.breakpoints if 0 < b < times[-1]), float(times[-1])]
+def _stretches(start: Start, times: Array, begin: float = 0.0) -> Iterator[_Stretch]:
+    edges = [begin, *(b for b in start.breakpoints if begin < b < times[-1]), float(times[-1])]
     for begin, end in itertools.pairwise(edges):
         if end <= begin:
             continue
@@ -221,9 +265,10 @@ def _integrator(lowered: MomentFunctions, columns: tuple[int, ...], grid: tuple[
 
 
 @lru_cache(maxsize=64)
-def _plain(lowered: MomentFunctions, length: float, backwards: float) -> ca.Function:
-    way = (("augmented_options", {"abstol": backwards}),)
-    return _scaled("plain", lowered.rate, len(lowered.parameters), lowered.facts.packing.size, [length], way)
+def _plain(lowered: MomentFunctions, length: float, absolute: float, relative: float) -> ca.Function:
+    way = (("augmented_options", {"abstol": absolute, "reltol": relative}),)
+    stops = [length * k / STOPS for k in range(1, STOPS + 1)]
+    return _scaled("plain", lowered.rate, len(lowered.parameters), lowered.facts.packing.size, stops, way)
 
 
 def _scaled(name: str, rate: ca.Function, count: int, size: int, grid: list[float], way: _Way = ()) -> ca.Function:
