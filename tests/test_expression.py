@@ -355,14 +355,14 @@ HOSTILE = [
 @pytest.mark.parametrize("text", HOSTILE, ids=range(len(HOSTILE)))
 def test_hostile_texts_cost_little(text):
     """Refused or read, each within a second; most in a few milliseconds."""
-    began = time.perf_counter()
+    began = time.process_time()
     try:
         expr = parse(text)
     except ModelError:
         pass
     else:
         assert parse(unparse(expr)) == expr or len(unparse(expr)) > 2000
-    assert time.perf_counter() - began < 3.0
+    assert time.process_time() - began < 3.0
 
 
 @settings(max_examples=400, deadline=None)

@@ -72,7 +72,7 @@ class Ensemble:
     run_in: float  # time for which every path was run in before t = 0, s
     scheme: str  # "heun" or "exponential"
     engine: str  # "numba" or "numpy"
-    seconds: Mapping[str, float]  # wall time of: preparing, compiling, step, paths
+    seconds: Mapping[str, float]  # wall time of: the twin, preparing, compiling, step, paths
     notes: tuple[str, ...]  # what the user should know, in sentences
 
     @property
