@@ -102,6 +102,12 @@ def places(count: int) -> tuple[np.ndarray, np.ndarray]:
     return stds[:, 0] * MEANS[:count], np.ascontiguousarray(S)
 
 
+def one_by_one(function: ca.Function) -> ca.Function:
+    """The function at all places, at one after the other as in a rate: not at several at once."""
+    inputs = [ca.MX.sym(f"x{k}", function.size1_in(k)) for k in range(3)]
+    return ca.Function("one", inputs, function.call(inputs)).map("over", "serial", PLACES, [2], [])
+
+
 def seconds(run: Callable[[], object]) -> float:
     """Of the processor, the best of many."""
     best, times = np.inf, 1
@@ -147,7 +153,7 @@ def row(name: str) -> None:
     function = element_function(df, ())
     made = time.process_time() - begin
     m, S = places(len(arguments))
-    over = function.map("over", "serial", PLACES, [2], [])
+    over = one_by_one(function)
     virtual = in_virtual_machine(over, m, S)
     machine, compiled = as_machine_code(over, m, S)
     bound = BOUNDS[kind(df)]

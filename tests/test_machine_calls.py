@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
+
 import casadi as ca
 import numpy as np
 import pytest
 import sympy as sp
 from test_expectation_curves import curve
 from test_lowering_elements import NUMBERS, named
-from test_machine import compiled_function, virtual
+from test_machine import ONE, SPECIAL, TWO, compiled_function, virtual
 
 import cadet_sym as cs
 from cadet_sym.expectation import describing_function
@@ -28,6 +30,7 @@ CALLED = {
     "angle": sp.atan2(Y, X),
     "homogeneous": X**3 / (X**2 + 2 * Y**2),
     "one inside the other": sp.Abs(Y) * sp.sqrt(sp.Abs(X)) * X,
+    "along a curve": sp.Max(X**2 - Y, 0),
     "curve": Y * X**2 + curve(X, 40) + curve(Y, 30, "hold", "monotone"),
     "curves": curve(X, 20) * curve(Y, 20),
 }
@@ -70,6 +73,7 @@ def test_operations_on_matrices_are_casadis():
         A.T / 3,
         ca.reshape(A, 3, 2) ** 2,
         ca.repmat(v, 1, 4),
+        ca.mtimes(A.T, A) + ca.mtimes(ca.vertcat(v, v)[:3], z.T),
         ca.repmat(A, 1, 2) * u,
         u**1.5,
     ]
@@ -104,6 +108,18 @@ def test_functions_are_called_for_every_column_one_after_the_other_and_by_choice
     rng = np.random.default_rng(1)
     numbers = (-1e300, -1.0, -0.999, -0.0, 0.999, 1.0, 1.999, 2.0, 7.0, 1e300, np.inf, np.nan)
     same(function, *([k, rng.normal(size=(2, 5)), np.array([[0.0, 1.0, 2.0, -1.0, np.nan]])] for k in numbers))
+
+
+@pytest.mark.parametrize("name", [*ONE, *TWO])
+def test_operations_on_eight_columns_at_a_time_are_casadis(name):
+    x, y = ca.SX.sym("x", 2), ca.SX.sym("y")
+    value = getattr(ca, name)(x, y) if name in TWO else getattr(ca, name)(x)
+    each = ca.Function("each", [x, y], [value, ca.if_else(x[1], value[0], -y)])
+    X, Y, z = ca.MX.sym("X", 2, 21), ca.MX.sym("Y", 1, 21), ca.MX.sym("z")
+    function = ca.Function("all", [X, Y, z], [*each.map(21)(X, Y), *each.map("shared", "serial", 21, [1], [1])(X, z)])
+    values = np.array(list(itertools.islice(itertools.cycle(SPECIAL), 42)))
+    cases = ([values.reshape(2, 21), values[None, k : k + 21], z] for k, z in enumerate((0.3, -2.5, 0.0, np.nan, np.inf)))
+    same(function, *cases)
 
 
 @pytest.mark.parametrize("length", [3, 1000])
@@ -180,7 +196,7 @@ def test_models_that_call_functions_run_as_machine_code():
         np.testing.assert_allclose(history.state_covariance, histories["direct"].state_covariance, rtol=1e-6, atol=1e-9)
 
 
-@pytest.mark.parametrize("body", [CALLED["one inside the other"], sp.Max(X**2 - Y, 0)])
+@pytest.mark.parametrize("body", [CALLED["one inside the other"], curve(X, 40) * 3 - X])
 def test_for_export_nothing_is_called_and_the_numbers_are_the_same(body):
     x, v, w = sp.symbols("x v w")
     vehicle = cs.Vehicle(rates={x: v, v: -x - v - body.subs({X: x, Y: v}) + w})

@@ -158,6 +158,18 @@ def test_a_point_that_fails_is_kept_as_such():
     assert np.isnan(result.to_xarray()["mean"].sel(e=-50.0)).all()
 
 
+def test_a_point_without_a_stationary_start_is_kept_as_such_and_touches_no_other():
+    model = toml(MODEL.replace("0.4*v", "d*v").replace("e = 0.1", "e = 0.1\nd = 0.4") + '[initial]\nwhole = "stationary"\n')
+    values = [0.3, 0.5, -0.4, 0.8]
+    found = sweep(model, {"d": values}, workers=1, progress=False)
+    assert list(found.failures) == [2]
+    assert found.failures[2].startswith("d = -0.4: No stationary moments")
+    compiled = cs.compile(model)
+    for i in (0, 1, 3):
+        alone = compiled.propagate(parameters={"d": values[i]})
+        np.testing.assert_array_equal(found.histories[i].state_covariance, alone.state_covariance)
+
+
 def test_a_sweep_that_is_stopped_begins_no_more_points(monkeypatch):
     begun = []
 

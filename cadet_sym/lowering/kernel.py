@@ -51,19 +51,24 @@ def part(vector: Vector, first: int) -> Vector:
     return vector[first:]
 
 
-def kernel(*procedures: Callable[..., float], fused: bool = False, lanes: int | None = None) -> MachineCode:
+def kernel(
+    *procedures: Callable[..., float], fused: bool = False, lanes: int | None = None, plain: bool = False
+) -> MachineCode:
     """Procedures as machine code, the last of them to be called; kept in the cache, for no model is part of it."""
-    text = kernel_text(*procedures, fused=fused, lanes=lanes)
+    text = kernel_text(*procedures, fused=fused, lanes=lanes, plain=plain)
     return machine_code(text, procedures[-1].__name__, shelf=shelf(digest(text)), effort=2)
 
 
-def kernel_text(*procedures: Callable[..., float], fused: bool = False, lanes: int | None = None) -> str:
+def kernel_text(
+    *procedures: Callable[..., float], fused: bool = False, lanes: int | None = None, plain: bool = False
+) -> str:
     """Procedures as LLVM's text, the last of them under its own name; each may call those before it.
 
     Parameters
     ----------
     fused : a product and a sum may become one operation with one rounding, which is faster; the last bits are then
         not those of Python.
+    plain : the last procedure only leads to the others: LLVM compiles it as it stands, in a third of the time of all.
 
     Raises
     ------
@@ -79,6 +84,8 @@ def kernel_text(*procedures: Callable[..., float], fused: bool = False, lanes: i
         text = _Writer(tree, procedure is procedures[-1], known, kinds, constants).text()
         if lanes is not None:
             text = text.replace(" nounwind {", f' nounwind "prefer-vector-width"="{64 * lanes}" {{')
+        if plain and procedure is procedures[-1]:
+            text = text.replace(" nounwind", " nounwind noinline optnone", 1)
         for each in ("fadd", "fsub", "fmul") if fused else ():
             text = text.replace(f" = {each} ", f" = {each} contract ")
         texts.append(text)

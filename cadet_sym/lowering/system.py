@@ -8,7 +8,7 @@ CasADi's; nothing here integrates or solves.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import casadi as ca
@@ -20,7 +20,7 @@ from cadet_sym.linearisation import Nonlinearity, OutputForm
 from cadet_sym.lowering.delay import ground_rates, transport, wheel_forcing
 from cadet_sym.lowering.elements import element_function
 from cadet_sym.lowering.expressions import to_casadi
-from cadet_sym.lowering.unrolled import unrolled
+from cadet_sym.lowering.unrolled import in_line, unrolled
 from cadet_sym.moments import MomentEquations
 
 __all__ = ["LoweredSystem", "lower"]
@@ -151,7 +151,8 @@ class LoweredSystem:
         F, gain, first, pair = [], [], 0, total
         for element, k in zip(quasi.elements, counts, strict=True):
             size = k * (k + 1) // 2
-            f, g = _describe(element, theta[first : first + k], theta[pair : pair + size], env)
+            alone = replace(element, describing=in_line(element.describing))
+            f, g = _describe(alone, theta[first : first + k], theta[pair : pair + size], env)
             F.append(f)
             gain.append(g)
             first, pair = first + k, pair + size

@@ -26,7 +26,7 @@ from cadet_sym.linearisation import Nonlinearity
 from cadet_sym.lowering.survey import with_elements
 from cadet_sym.moments import MomentEquations
 
-__all__ = ["unrolled"]
+__all__ = ["in_line", "unrolled"]
 
 MANY_PAIRS = 2000
 """Pairs of kinks of two measured curves that are too many to be written out."""
@@ -43,6 +43,20 @@ def unrolled(equations: MomentEquations) -> MomentEquations:
     values = equations.quasi_linear.system.model.parameter_values()
     numbers = {symbol(name): float(value) for name, value in values.items()}
     return with_elements(equations, lambda element, where: _element(element, where, numbers))
+
+
+def in_line(df: DescribingFunction) -> DescribingFunction:
+    """The same with sums over the nodes of one argument and over the rows of single curves as scalar operations.
+
+    Where derivatives are wanted: those of many calls cost twice as much, for they are called again for every direction.
+    """
+
+    def changed(part: Product | Nested | Planar | Homogeneous | Switched) -> Product | Nested | Planar | Homogeneous | Switched:
+        if isinstance(part, Nested):
+            return part.written_with(in_line)
+        return part.written_out() if isinstance(part, Product) and not part.pairs else part
+
+    return replace(df, products=tuple(map(changed, df.products)))
 
 
 def _element(element: Nonlinearity, where: str, numbers: Mapping[sp.Symbol, float]) -> Nonlinearity:

@@ -11,9 +11,10 @@ For `lowering.kernel`.
 from __future__ import annotations
 
 from cadet_sym.lowering.kernel import Function, Vector, isfinite, part, sqrt
+from cadet_sym.solve.breakdown import STALLED, TOO_MANY
 from cadet_sym.solve.improved import MATRICES, PAIRS, improve, invert, learn, weigh
 
-__all__ = ["MATRICES", "PROCEDURES", "REFRESH", "STALLED", "STATE", "TOO_MANY", "VECTORS", "carry"]
+__all__ = ["MATRICES", "PROCEDURES", "REFRESH", "STATE", "VECTORS", "carry"]
 
 HIGHEST = 5  # order
 ROWS = HIGHEST + 3  # of backward differences
@@ -21,8 +22,8 @@ VECTORS = ROWS + 7 + 2 * PAIRS  # of working space, as long as y
 STATE = 14
 """Numbers that last from call to call: time, step, order, equal steps, then as `carry` says."""
 
-TOO_MANY, STALLED, REFRESH = 1, 2, 3
-"""What `carry` returns: what it gave up for, or that it wants another modal form of N where it stands."""
+REFRESH = 9
+"""What `carry` returns where it wants another modal form of N."""
 
 GAMMA = (0.0, 1.0, 1.5, 1.8333333333333333, 2.0833333333333335, 2.2833333333333333)
 KAPPA = (0.0, -0.1850, -0.1111111111111111, -0.0823, -0.0415, 0.0)

@@ -11,7 +11,7 @@ from cadet_sym.errors import SolverError
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.solve.evaluate import gains
 
-__all__ = ["Breakdown", "explain", "moment_name", "settled"]
+__all__ = ["NOT_FINITE", "STALLED", "TOO_MANY", "Breakdown", "explain", "moment_name", "settled"]
 
 Array = npt.NDArray[np.float64]
 
@@ -26,8 +26,15 @@ class Breakdown(Exception):  # noqa: N818 - an event that the caller handles; us
         self.reason, self.found, self.time, self.y = reason, found, time, y
 
 
-REASONS = {1: "It took too many steps.", 2: "Its steps shrink to nothing.", 3: "The result is not finite."}
-"""Why machine code gives a run up, by what it returns then."""
+TOO_MANY, STALLED, NOT_FINITE = 1, 2, 3
+"""What machine code returns where it gives a run up ..."""
+
+REASONS = {
+    TOO_MANY: "It took too many steps.",
+    STALLED: "Its steps shrink to nothing.",
+    NOT_FINITE: "The result is not finite.",
+}
+"""... and why."""
 
 
 def settled(found: Array, status: int, known: int, time: float, y: Array) -> Array:
@@ -35,7 +42,7 @@ def settled(found: Array, status: int, known: int, time: float, y: Array) -> Arr
     if status:
         raise Breakdown(REASONS[status], found[:known], time, y)
     if not np.isfinite(found).all():
-        raise Breakdown(REASONS[3])
+        raise Breakdown(REASONS[NOT_FINITE])
     return found
 
 

@@ -186,7 +186,7 @@ def _march_all(lanes: int) -> Any:
     runs = (vector, integer, vector, integer, vector, integer, vector, integer, integer)
     tolerance = (vector, integer, vector, integer, number, number)
     rest = (vector, integer, vector, integer, vector, vector, vector)
-    return kernel(*PROCEDURES, lanes=lanes).function("march_all", *runs, *tolerance, *rest, returns=integer)
+    return kernel(*PROCEDURES, lanes=lanes, plain=True).function("march_all", *runs, *tolerance, *rest, returns=integer)
 
 
 def _zeros(count: int) -> Array:

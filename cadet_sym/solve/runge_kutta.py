@@ -8,9 +8,10 @@ the same number of rates: from time to time the other has a few steps to show wh
 from __future__ import annotations
 
 from cadet_sym.lowering.kernel import Function, Vector, isfinite, part, sqrt
+from cadet_sym.solve.breakdown import NOT_FINITE, STALLED, TOO_MANY
 from cadet_sym.solve.tableaux import BEGINS, GROUP, LONG, MOST_STAGES, PLACES
 
-__all__ = ["HEAD", "LANES", "PROCEDURES", "REPORT", "STALLED", "TOO_MANY", "WORK", "march", "march_all"]
+__all__ = ["HEAD", "LANES", "PROCEDURES", "REPORT", "WORK", "march", "march_all"]
 
 LANES = 4
 """Vectors are as long as a multiple of this, and worked on so many numbers at a time; more, once compiled for long ones."""
@@ -23,9 +24,6 @@ SUMS, CONTEST, HEAD = 8, 16, 32
 
 REPORT = 6
 """What is reported: time reached, steps, steps refused, rates, output times reached, and how it ended."""
-
-TOO_MANY, STALLED, NOT_FINITE = 1, 2, 3
-"""How a run that is given up ends."""
 
 HOLDER, PLAYER, RATES, LENGTH, WAIT, CAME, COUNTED, BEST, KEPT, CHALLENGER = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
 """How the pairs compete: who carries the run, whose turn it is, its rates in this turn of how many, how many the holder has

@@ -110,4 +110,4 @@ def are_sound(y: Array, packing: Packing, size: Array) -> list[bool]:
 def _look_over_all() -> Any:
     vector, number, integer = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
     types = vector, *[integer] * 4, vector, integer, number, number, number, vector, vector
-    return kernel(look_over, look_over_all).function("look_over_all", *types, returns=integer)
+    return kernel(look_over, look_over_all, plain=True).function("look_over_all", *types, returns=integer)

@@ -18,8 +18,8 @@ import numpy.typing as npt
 from cadet_sym.lowering.blas import multiplication
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.lowering.kernel import kernel
-from cadet_sym.solve.backward import MATRICES, PROCEDURES, REFRESH, STALLED, STATE, VECTORS
-from cadet_sym.solve.breakdown import Breakdown, settled
+from cadet_sym.solve.backward import MATRICES, PROCEDURES, REFRESH, STATE, VECTORS
+from cadet_sym.solve.breakdown import STALLED, Breakdown, settled
 from cadet_sym.solve.evaluate import behind, gains
 from cadet_sym.solve.implicit import scaled_form
 from cadet_sym.solve.lyapunov import ModalForm
