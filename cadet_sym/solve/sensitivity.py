@@ -24,6 +24,7 @@ import numpy.typing as npt
 
 from cadet_sym.errors import ModelError, SolverError
 from cadet_sym.lowering.functions import MomentFunctions
+from cadet_sym.solve.evaluate import behind
 from cadet_sym.solve.transient import Start
 
 __all__ = ["METHODS", "adjoint", "check_method", "forward", "head", "quantity"]
@@ -77,28 +78,6 @@ def forward(
     size : (size,) how large every moment becomes.
     moved : how every breakpoint moves with the columns, (c,) each.
     """
-    try:
-        return _together(lowered, start, start_slope, columns, size, times, moved)
-    except SolverError:
-        if (c := len(columns)) < 2:
-            raise
-    parts = []  # Newton's method may fail for many columns and not for few
-    for own in (slice(0, c // 2), slice(c // 2, c)):
-        shifts = {t: each[own] for t, each in moved.items()}
-        parts.append(forward(lowered, start, start_slope[:, own], columns[own], size, times, shifts))
-    return parts[0][0], np.concatenate([S for _, S in parts], axis=2)
-
-
-def _together(
-    lowered: MomentFunctions,
-    start: Start,
-    start_slope: Array,
-    columns: Sequence[int],
-    size: Array,
-    times: Array,
-    moved: Mapping[float, Array],
-) -> tuple[Array, Array]:
-    """All columns in one run; see `forward`."""
     n, c = len(start.y), len(columns)
     y, S = start.y, start_slope
     moments, slopes = [], []
@@ -113,10 +92,7 @@ def _together(
         if stretch.begin in moved:
             S = S + np.outer(_jump(lowered, start.p, stretch.begin, y), moved[stretch.begin])
         z = np.concatenate([y, S.ravel(order="F")]) / scale
-        found = _first_success(
-            lambda way, z=z, stretch=stretch: _run_forward(lowered, start.p, tuple(columns), stretch, z, scale, way),
-            stretch,
-        )
+        found = _over(lowered, start.p, tuple(columns), stretch, z, scale)
         for row in found[: stretch.outputs]:
             moments.append(row[:n])
             slopes.append(row[n:].reshape(n, c, order="F"))
@@ -132,6 +108,28 @@ def _run_forward(
 ) -> Array:
     run = _integrator(lowered, columns, tuple((stretch.grid - stretch.begin).tolist()), way)
     return np.asarray(run(x0=z, p=ca.vertcat(p, scale, stretch.begin))["xf"]).T * scale
+
+
+def _over(
+    lowered: MomentFunctions, p: Array, columns: tuple[int, ...], stretch: _Stretch, z: Array, scale: Array
+) -> Array:
+    """Moments and derivatives at the times of a stretch; where no implicit formula begins there, explicit ones do."""
+    try:
+        return _first_success(lambda way: _run_forward(lowered, p, columns, stretch, z, scale, way), stretch)
+    except SolverError:
+        from scipy.integrate import solve_ivp
+
+        rate, begin = _augmented(lowered, columns), behind(stretch.begin)
+        later = begin + HEAD * (float(stretch.grid[0]) - begin)
+        with np.errstate(all="ignore"):  # what is not finite makes it shorten its step
+            led = solve_ivp(
+                lambda t, x: np.asarray(rate(t, x * scale, p)).ravel() / scale,
+                (begin, later), z, "DOP853", rtol=RTOL, atol=RTOL * 1e-4,
+            )  # fmt: skip
+        if not led.success:
+            raise
+        rest = _Stretch(later, stretch.grid, stretch.outputs)
+        return _first_success(lambda way: _run_forward(lowered, p, columns, rest, led.y[:, -1], scale, way), rest)
 
 
 def _first_success(attempt: Callable[[_Way], Array], stretch: _Stretch) -> Array:
