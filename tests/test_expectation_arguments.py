@@ -242,6 +242,22 @@ def test_a_model_names_the_element_that_is_not_accurate():
     assert known.describing == equations.quasi_linear.elements[0].describing  # its functions are made once
 
 
+def test_a_model_with_three_arguments_that_are_not_integrated_well_is_refused_when_it_is_compiled():
+    rates = {"p": "v", "v": "-p - v - tangle(p, v, q) + w", "q": "v - q"}
+    element = cs.Element("tangle", ["a", "b", "c"], parse("sqrt(a**2 + b**2 + c**2)"))
+    vehicle = cs.Vehicle({symbol(x): parse(rate) for x, rate in rates.items()}, elements={"tangle": element})
+    model = cs.Model(vehicle, noise=cs.Noise(("w",), sp.ImmutableMatrix([[1]])))
+    with pytest.raises(LinearisationError, match="tangle.* split it"):
+        measured(cs.moment_equations(cs.linearise(cs.augment(model))))
+
+
+def test_a_switch_on_a_surface_curved_in_three_arguments_is_refused_at_once():
+    for text in ("clip(x*y*w, -1, 1)", "max(x**2 + y**2 + w**2 - 1, 0)"):
+        with pytest.raises(LinearisationError, match="curved in all of x, y, w.* Split it"):
+            describing_function((X, Y, W), parse(text))
+    assert describing_function((X, Y, W), parse("max(x + y*w, 0)")).error < 1e-8
+
+
 def test_two_powers_that_are_no_integers_multiply():
     # independent: the product of E|x|^1.5 and E|y|^0.5
     alone = [float(compiled(f"abs(x)**{q}", (X,))(0, 1, [])[0]) for q in (1.5, 0.5)]

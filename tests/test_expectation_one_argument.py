@@ -341,3 +341,13 @@ def test_an_exponential_is_followed_to_where_its_weight_lies(text):
 def test_an_exponential_that_cannot_be_parted_is_warned_of():
     with pytest.warns(ExpectationWarning, match="accurate to"):
         describing_function((Z,), expression("(1 + exp(z))**1.5"))
+
+
+def test_an_exponential_that_overflows_beside_its_stretch_leaves_derivatives_numbers():
+    function = element_function(describing_function((Z,), parse("exp(-1.5*z) if z > 0.125 else 0.1*z")), ())
+    m, p = ca.SX.sym("m"), ca.SX.sym("p")
+    H, g = ca.hessian(function(m, p, [])[0], ca.vertcat(m, p))
+    found = ca.Function("all", [m, p], [function(m, p, [])[0], g, H])(0.0, 900.0)
+    assert all(np.all(np.isfinite(np.array(x))) for x in found)
+    grows = element_function(describing_function((Z,), parse("exp(-1.5*z)")), ())
+    assert float(grows(0.0, 900.0, [])[0]) == np.inf

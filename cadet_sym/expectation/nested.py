@@ -17,7 +17,7 @@ from cadet_sym.expectation.cells import Cell, Partition
 from cadet_sym.expectation.closed_form import normal
 from cadet_sym.expectation.crossings import CURVED_ERROR, Crossing, crossings_of
 from cadet_sym.expectation.existence import require_expectation
-from cadet_sym.expectation.pieces import TINY, Splitter, affine, factored
+from cadet_sym.expectation.pieces import TINY, Splitter, affine, factored, has_kinks
 from cadet_sym.expectation.quadrature import PLAIN_ERROR, PLAIN_RULE, Integral, Rule, Wish, stretches
 from cadet_sym.expectation.steep import Steep, steep_places
 from cadet_sym.expectation.tables import written_out
@@ -118,6 +118,7 @@ class Nested:
 
 def nested(arguments: tuple[sp.Symbol, ...], used: tuple[int, ...], body: sp.Expr, where: str, wish: Wish) -> Nested:
     """Choose the argument to integrate over: one that leaves a closed form for the others, if there is one."""
+    _refuse_surfaces([arguments[i] for i in used], body, where)
     body = written_out(body) if _curves_mix(body, [arguments[i] for i in used]) else body
     best: Nested | None = None
     reason: LinearisationError | None = None
@@ -143,6 +144,23 @@ def nested(arguments: tuple[sp.Symbol, ...], used: tuple[int, ...], body: sp.Exp
             "arguments, or give a part of it a state of its own (a fast first-order filter)"
         )
     return best
+
+
+def _refuse_surfaces(symbols: list[sp.Symbol], body: sp.Expr, where: str) -> None:
+    """No switch of three arguments that is on a curve of the other two whichever of them is given."""
+    if len(symbols) < 3:
+        return
+    for switch in dict.fromkeys(e for z in symbols for e in switching_functions(body, z)):
+        if not all(switch.has(z) for z in symbols) or has_kinks(switch, symbols[0]):  # what is within switches by itself
+            continue
+        others = (set(symbols) - {z} for z in symbols)
+        if all(not switch.is_polynomial(*rest) or sp.total_degree(switch, *rest) > 1 for rest in others):
+            names = ", ".join(map(str, symbols))
+            raise LinearisationError(
+                f"{where}: the term `{body}` switches where `{switch}` is zero, a surface curved in all of {names}: an "
+                "integral over three arguments at once would not be accurate. Split it: give a product or a square of two of "
+                "them a state of its own (a fast first-order filter), so that the switch is one of two arguments"
+            )
 
 
 def _curves_mix(body: sp.Expr, symbols: list[sp.Symbol]) -> bool:

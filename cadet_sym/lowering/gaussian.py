@@ -27,6 +27,7 @@ from cadet_sym.lowering.tables import NARROW, NARROW_ORDER, table_moment
 # Added to the variance inside: far below what the variance of any state is resolved to, so that F and the gain are those
 # of the variance itself, and so large that s^-6 is finite: derivatives at a jump go as powers of 1/s.
 FLOOR = 1e-100
+LARGEST = 600.0  # of an exponent
 RESOLVED = 1e-14  # of the square of the scale on which f changes, added where the nodes of a sum go by a standard deviation
 
 
@@ -172,6 +173,8 @@ class Gaussian:
             if coefficient != 0:
                 total = total + self.complex_value(coefficient) * power
         value = (total * tilt.weight).real
+        if tilt.overflows is not None:
+            value = ca.if_else(tilt.overflows, ca.if_else(value >= 0, math.inf, -math.inf), value)
         return self.inside(segment, value, term)
 
     def _tail(self, kink: Kink, term: Term) -> ca.SX:
@@ -315,6 +318,7 @@ class Tilt:
     p: ca.SX
     s: ca.SX
     weight: Complex
+    overflows: ca.SX | None = None  # whether the weight is too large, and another number stands for it
 
 
 def _tilted(gaussian: Gaussian, centre: sp.Expr, term: Term) -> Tilt:
@@ -324,12 +328,18 @@ def _tilted(gaussian: Gaussian, centre: sp.Expr, term: Term) -> Tilt:
     a, p = gaussian.complex_value(term.rate), gaussian.p
     if term.curvature == 0:
         exponent = a * h + a * a * (p / 2)
-        return Tilt(Complex(h) + a * p, p, gaussian.s, complex_exp(exponent))
+        return Tilt(Complex(h) + a * p, p, gaussian.s, complex_exp(_limited(exponent)), exponent.real > LARGEST)
     b = gaussian.value(term.curvature)
     shrink = 1 / (1 - 2 * b * p)
     exponent = (a * h + a * a * (p / 2) + Complex(b * h * h)) * shrink
     s = ca.sqrt(gaussian.v / (1 - 2 * b * gaussian.v))
-    return Tilt((Complex(h) + a * p) * shrink, p * shrink, s, complex_exp(exponent) * ca.sqrt(shrink))
+    weight = complex_exp(_limited(exponent)) * ca.sqrt(shrink)
+    return Tilt((Complex(h) + a * p) * shrink, p * shrink, s, weight, exponent.real > LARGEST)
+
+
+def _limited(exponent: Complex) -> Complex:
+    """So that beside a segment that does not hold the mean nothing is infinite, whose derivative backwards is no number."""
+    return Complex(ca.if_else(exponent.real > LARGEST, LARGEST, exponent.real), exponent.imaginary)
 
 
 def _heat_polynomials(h: Complex, p: ca.SX, count: int) -> list[Complex]:

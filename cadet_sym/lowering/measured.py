@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 import sympy as sp
 
-from cadet_sym.errors import ExpectationWarning
+from cadet_sym.errors import ExpectationWarning, LinearisationError
 from cadet_sym.expectation.accuracy import WARNED
 from cadet_sym.expectation.describing import DescribingFunction
 from cadet_sym.expectation.nested import Nested
@@ -37,6 +37,7 @@ TOLERANCE = {2: 1e-9, 3: 1e-6}
 MOST = {2: 500_000, 3: 1_500_000}  # evaluations for one case
 UNSURE = 1e-6  # error of the reference at which it is of no use
 SAFETY = 10.0  # moments between those of the grid may be worse
+REFUSED = 5e-3  # of three arguments: no engineer waits a minute for less
 
 
 def measured(equations: MomentEquations) -> MomentEquations:
@@ -49,6 +50,12 @@ def measured(equations: MomentEquations) -> MomentEquations:
             return element
         scale = max(form.scale(numbers) for form in element.forms)
         error = measured_error(df, numbers, scale)
+        if error > REFUSED and len(df.arguments) == max(GRID):
+            raise LinearisationError(
+                f"{where}: no accurate expectation of `{df.body}` was found ({error:.0e} is left): split it, as a sum of "
+                "products of functions of one or two linear forms each, or give a part of it a state of its own (a fast "
+                "first-order filter)"
+            )
         if error > WARNED:
             text = (
                 f"{where}: the expectation of `{df.body}` and its gains are accurate to {error:.0e} only, at standard "
