@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from reference_models import toml
+from scipy.linalg import expm
 
 import cadet_sym as cs
 from cadet_sym.errors import ModelError, SolverError
@@ -198,3 +199,17 @@ def test_a_rate_that_jumps_as_the_run_leaves_rest_is_met_on_the_far_side():
         np.testing.assert_allclose(run.state_covariance[2], runs[0].state_covariance[2], rtol=1e-6)
     # E[sign(v x)] is 2 asin(r)/pi, and r = sqrt(3)/2 as soon as white noise has driven a mass
     assert runs[0].mean["v"][1] == pytest.approx(-2e-3 / 3, rel=0.01)
+
+
+@pytest.mark.parametrize("stiffness", [1e4, 1e6])
+def test_what_swings_for_long_is_followed_by_formulas_of_high_order(stiffness):
+    """An oscillator that hardly decays from rest: implicit formulas took ten times the steps, and ended in another engine."""
+    x, v, w = sp.symbols("x v w")
+    vehicle = cs.Vehicle(rates={x: v, v: -stiffness * x - 1e-3 * v + w})
+    model = cs.Model(vehicle, noise=cs.Noise(names=("w",), intensity=sp.eye(1)), duration=20)
+    history = cs.compile(model).propagate()
+    assert history.provenance.engine.startswith("Runge-Kutta")
+    stationary = np.diag([1 / (2e-3 * stiffness), 1 / 2e-3])
+    ahead = expm(20 * np.array([[0, 1], [-stiffness, -1e-3]]))
+    expected = stationary - ahead @ stationary @ ahead.T
+    np.testing.assert_allclose(np.diag(history.state_covariance[-1]), np.diag(expected), rtol=1e-6)

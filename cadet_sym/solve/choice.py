@@ -33,6 +33,10 @@ QUICK = 6_000.0
 QUICK_DELAYED = 20_000.0
 """... and the same where wheels follow each other, for which there are no implicit ones in machine code."""
 
+RINGING, LASTING = 70_000.0, 40.0
+"""Up to the first they are so too if what is faster than that only swings, and decays in the whole run by no more than the
+second: implicit formulas of low order have to follow it all along, with many more steps."""
+
 BUILT = 2500
 """Packed moments above which an integrator of CasADi's takes long to build (70 states)."""
 
@@ -54,6 +58,8 @@ def choose(lowered: MomentFunctions, starts: Sequence[Start], grid: Array, found
     """
     fastest = np.abs(found).max(axis=1, initial=0.0)
     quick = fastest <= (QUICK if lowered.facts.delay is None else QUICK_DELAYED)
+    lasting = (np.abs(found) <= QUICK) | (np.abs(found.real) <= LASTING)
+    quick |= (fastest <= RINGING) & lasting.all(axis=1)
     if quick.any():
         quick &= have_machine_code(lowered, *(np.array(part) for part in zip(*((s.p, s.y) for s in starts), strict=True)))
     return [
