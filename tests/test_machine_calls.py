@@ -192,6 +192,11 @@ def test_models_that_call_functions_run_as_machine_code():
     histories = {engine: compiled.propagate([1, 2], rtol=1e-8, engine=engine) for engine in ("native", "stiff", "direct")}
     assert compiled.propagate([1, 2]).provenance.engine == Native.name
     assert histories["stiff"].provenance.engine == Stiff.name
+    bouc_wen = cs.from_library("bouc_wen", A=1, beta=0.5, gamma=0.5, exponent=sp.Rational(3, 2))
+    z = sp.Symbol("z")
+    hysteretic = cs.Vehicle(rates={x: v, v: -x - v - z + w, z: bouc_wen(v, z)})
+    noise = cs.Noise(names=("w",), intensity=sp.eye(1))
+    assert cs.compile(cs.Model(hysteretic, noise=noise, duration=2)).propagate([2]).provenance.engine == Native.name
     for history in histories.values():
         np.testing.assert_allclose(history.state_covariance, histories["direct"].state_covariance, rtol=1e-6, atol=1e-9)
 

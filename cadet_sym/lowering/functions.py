@@ -39,6 +39,9 @@ CALLING = 5000
 LARGE = 20_000
 """... up to which some machine code takes half a second ..."""
 
+LARGE_CALLING = 60_000
+"""... the same of functions that call others in loops, where it takes a second and saves as much in every run ..."""
+
 LARGEST = 200_000
 """... and up to which it takes seconds, and is made only where that is asked for."""
 
@@ -136,7 +139,7 @@ class MomentFunctions:
             return structured_rate(self.ingredients, self._shelf)
         loops = name != "outputs" and self.facts.delay is not None and self.facts.delay.rows <= WIDEST
         function = getattr(self, f"{name}_head" if loops else name)
-        if size(function) > (LARGEST if self.jit else LARGE):
+        if size(function) > (LARGEST if self.jit else LARGE_CALLING if function.find_functions() else LARGE):
             return None
 
         def text() -> str:
