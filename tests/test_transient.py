@@ -125,6 +125,40 @@ def test_covariances_stay_positive_semidefinite_from_complete_rest(rtol):
         assert np.all(lowest >= -1e-9 * trace)
 
 
+UNSTABLE = toml("""
+    name = "a pendulum upside down"
+    [parameters]
+    a = 4.0
+    [rates]
+    x = "v"
+    v = "a*x + w"
+    [noise]
+    w = 1.0
+    [run]
+    duration = 5.0
+    points = 11
+""")
+
+
+@pytest.mark.parametrize("engine", ["auto", "direct", "implicit", "krylov", "stiff"])
+def test_errors_that_grow_with_the_system_begin_small(engine):
+    """The variance grows a thousand million times; P(t) is the integral of exp(A s) Q exp(A s)^T."""
+    history, w = cs.compile(UNSTABLE).propagate(engine=engine), 2.0
+    t = history.time[1:]
+    both = np.sinh(2 * w * t) / w  # of cosh^2, sinh^2: (both +- 2 t)/4
+    P = np.array([[(both - 2 * t) / (4 * w**2), np.sinh(w * t) ** 2 / (2 * w**2)], [np.zeros_like(t), (both + 2 * t) / 4]])
+    for i, j in ((0, 0), (0, 1), (1, 1)):
+        assert np.abs(history.state_covariance[1:, i, j] / P[i, j] - 1).max() < 1e-6
+
+
+def test_runs_that_grow_at_their_own_rate_are_each_as_by_themselves():
+    compiled, values = cs.compile(UNSTABLE), [4.0, 2.0, -1.0, 9.0]
+    many = compiled.propagate_all({"a": values}, duration=6.0)  # longer than declared: no run tells of the others
+    for k, a in enumerate(values):
+        alone = compiled.propagate(parameters={"a": a}, duration=6.0)
+        assert np.array_equal(many[k].state_covariance, alone.state_covariance)
+
+
 def test_an_unstable_model_says_when_where_and_why_and_keeps_what_was_reached():
     model = toml('name = "u"\n[rates]\nx = "x + x**3 + w"\ny = "-y + w"\n[noise]\nw = 1.0\n[run]\nduration = 50.0')
     with pytest.raises(SolverError, match=r"variance of `x`.*eigenvalue") as caught:

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.memory import Memory
+from cadet_sym.packing import Packing
 from cadet_sym.solve.breakdown import Breakdown
 from cadet_sym.solve.choice import choose, compiles, modes
 from cadet_sym.solve.course import Start, march
@@ -37,6 +38,10 @@ PATIENCE = 20_000.0
 
 STEPS = 5_000
 
+GROWS, FASTEST = 10.0, 1e10
+"""Times by which a variance grows in the second half of a run, from which on it is taken to have grown so in the first too:
+an error early in the run then grows with it, and is to be small beside what there is early. More makes no difference."""
+
 
 @dataclass(frozen=True)
 class Outline:
@@ -44,6 +49,12 @@ class Outline:
 
     size: Array  # (size,) of every moment
     along: Array  # (3, size) moments at the start, half-way and at the end
+
+    def growth(self, packing: Packing) -> float:
+        """How many times larger a variance becomes than it begins where it grows all along, as those of unstable systems do."""
+        half, end = (np.abs(y[packing.diagonal]) for y in self.along[1:])
+        later = float((end[half > 0] / half[half > 0]).max(initial=1.0))
+        return min(later, FASTEST) ** 2 if later > GROWS else 1.0
 
 
 _known: Memory[Outline] = Memory()

@@ -137,11 +137,21 @@ def _together(
     native = [k for k, plan in enumerate(plans) if plan.kind == "native"]
     if not native:
         return np.empty((len(starts), len(grid), packing.size)), marches
+    growths = {plan.growth: None for plan in plans}
+    if len(growths) > 1:  # absolute tolerances of their own
+        y = np.empty((len(starts), len(grid), packing.size))
+        for growth in growths:
+            these = [k for k, plan in enumerate(plans) if plan.growth == growth]
+            own, ways = [starts[k] for k in these], [courses[k] for k in these]
+            y[these], found = _together(lowered, own, ways, grid, [plans[k] for k in these], rtol)
+            for k, run in zip(these, found, strict=True):
+                marches[k] = run
+        return y, marches
     size = plans[native[0]].size
     if any(plans[k].size is not size for k in native):
         size = np.array([plans[k].size for k in native])
     p, begin = np.array([starts[k].p for k in native]), np.array([starts[k].y for k in native])
-    tolerance = _tolerance(rtol, size, packing, "native")
+    tolerance = _tolerance(rtol, size, packing, "native", *growths)
     runs = march_all(lowered, p, begin, [courses[k] for k in native], grid, tolerance)
     y = runs.y
     if len(native) < len(starts):
@@ -157,16 +167,16 @@ def _judged(lowered: MomentFunctions, start: Start, grid: Array, plan: _Plan, rt
     """A run that was not found sound: integrated by itself if it was not yet, and again where it is not what it should be."""
     packing, kind, size = lowered.facts.packing, plan.kind, plan.size
     if run is None:
-        run = march(lowered, start, grid, kind, _tolerance(rtol, size, packing, kind), rtol)
+        run = march(lowered, start, grid, kind, _tolerance(rtol, size, packing, kind, plan.growth), rtol)
         run = run._replace(sound=are_sound(run.y[None], packing, size[None])[0])
     if not run.sound and not fits(size, run.y, packing):
         size = peaks(np.vstack([start.y, run.y]), packing)
-        run = march(lowered, start, grid, kind, _tolerance(rtol, size, packing, kind), rtol)
+        run = march(lowered, start, grid, kind, _tolerance(rtol, size, packing, kind, plan.growth), rtol)
     if not run.sound and lost(run.y, packing).any():
-        run = march(lowered, start, grid, kind, _tolerance(rtol * 1e-3, size, packing, kind), rtol)
+        run = march(lowered, start, grid, kind, _tolerance(rtol * 1e-3, size, packing, kind, plan.growth), rtol)
         warn_of_loss(grid, run.y, packing, lowered.facts.states)
     if run.doubtful:
-        again = _again(lowered, start, grid, kind, _tolerance(rtol * 1e-2, size, packing, kind))
+        again = _again(lowered, start, grid, kind, _tolerance(rtol * 1e-2, size, packing, kind, plan.growth))
         _compare(run.y, again.y if again else None, size, rtol)
         run = again or run
     return run
@@ -213,6 +223,7 @@ class _Plan:
 
     kind: str  # of engine
     size: Array  # of every moment
+    growth: float = 1.0  # how many times larger they become than they begin, where errors grow with them
 
 
 _known: Memory[_Plan] = Memory()
@@ -228,7 +239,8 @@ def _plans(
         known, kinds = outline(lowered, these[0], end, declared), [engine] * len(these)
         if engine == "auto":
             kinds = choose(lowered, these, grid, modes(lowered, np.array([each.p for each in these]), end, known.along))
-        return [_Plan(kind, known.size) for kind in kinds]
+        growth = known.growth(lowered.facts.packing)
+        return [_Plan(kind, known.size, growth) for kind in kinds]
 
     if len(starts) > 1 and declared is not None:
         return make(starts)
@@ -236,7 +248,7 @@ def _plans(
     return [_known(start, key, lambda start=start: make([start])[0]) for start in starts]
 
 
-def _tolerance(rtol: float, size: Array, packing: Packing, kind: str) -> Tolerance:
+def _tolerance(rtol: float, size: Array, packing: Packing, kind: str, growth: float) -> Tolerance:
     """What a step may err by: errors add up, the more steps the more, and small values matter the more."""
     tight = min(1.0, max(rtol, 1e-13) / 1e-6)
     weighed = size
@@ -244,5 +256,5 @@ def _tolerance(rtol: float, size: Array, packing: Packing, kind: str) -> Toleran
         weighed = size.copy()
         weighed[..., size.shape[-1] - packing.ground :] *= BETWEEN
     if kind == "native":  # the errors of its order hardly add up
-        return Tolerance(max(rtol, 1e-13), tight**0.5 * ABSOLUTE, weighed)
-    return Tolerance(max(tight**0.75 * rtol, 2e-14), tight**0.5 * ABSOLUTE, weighed)
+        return Tolerance(max(rtol, 1e-13), tight**0.5 * ABSOLUTE / growth, weighed)
+    return Tolerance(max(tight**0.75 * rtol, 2e-14), tight**0.5 * ABSOLUTE / growth, weighed)
