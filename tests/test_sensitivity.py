@@ -11,6 +11,7 @@ from reference_models import toml
 
 import cadet_sym as cs
 from cadet_sym.errors import ModelError, SolverError
+from cadet_sym.solve import sensitivity
 from cadet_sym.solve.transient import Start, integrate
 
 CHAIN = """
@@ -284,3 +285,17 @@ def test_unknown_names_are_refused():
     for arguments in wrong:
         with pytest.raises(ModelError):
             compiled.gradient(**arguments)
+
+
+@pytest.mark.parametrize("name", ["oleo_acceleration", "half_car", "road_class_change", "van_der_pol"])
+def test_machine_code_and_implicit_formulas_give_the_same_derivatives(name, monkeypatch):
+    compiled = cs.compile(ROOT / "models" / f"{name}.toml")
+    times, parameters = [0.3 * compiled.declaration.duration, compiled.declaration.duration], compiled.parameters[:3]
+    asked: list[bool] = []
+    monkeypatch.setattr(sensitivity, "suits_explicit", lambda *_: asked.append(True) or True)
+    by_code = compiled.gradient(compiled.outputs[0], parameters, times=times, method="forward")
+    monkeypatch.setattr(sensitivity, "march_slopes", lambda *_: None)
+    by_cvodes = compiled.gradient(compiled.outputs[0], parameters, times=times, method="forward")
+    assert asked
+    assert np.abs(by_code - by_cvodes).max() < 1e-6 * np.abs(by_cvodes).max()
+    assert not np.array_equal(by_code, by_cvodes), "they were found in two ways"

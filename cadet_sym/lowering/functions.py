@@ -133,21 +133,21 @@ class MomentFunctions:
         return self.machine("outputs") if self._outputs_asked_for > PAYS else None
 
     def _compiled(self, name: str) -> MachineCode | None:
-        if not available():
-            return None
-        if name == "rate" and self.large:
+        if name == "rate" and self.large and available():
             return structured_rate(self.ingredients, self._shelf)
         loops = name != "outputs" and self.facts.delay is not None and self.facts.delay.rows <= WIDEST
-        function = getattr(self, f"{name}_head" if loops else name)
-        if size(function) > (LARGEST if self.jit else LARGE_CALLING if function.find_functions() else LARGE):
+        if loops:
+            head = getattr(self, f"{name}_head")
+            return self.machine_of(head, name, lambda: carried_code(self, head, name))
+        return self.machine_of(getattr(self, name), name)
+
+    def machine_of(self, function: ca.Function, name: str, text: Callable[[], str] | None = None) -> MachineCode | None:
+        """A function made of these, or what stands in `text` for it, as machine code kept under a name; None as above."""
+        if not available() or size(function) > (LARGEST if self.jit else LARGE_CALLING if function.find_functions() else LARGE):
             return None
-
-        def text() -> str:
-            return carried_code(self, function, name) if loops else intermediate(function, name)
-
         thorough = self.jit or is_small(function)
         with contextlib.suppress(ValueError):  # an operation that only CasADi knows
-            return machine_code(text, name, shelf=self._shelf, effort=int(thorough))
+            return machine_code(text or (lambda: intermediate(function, name)), name, shelf=self._shelf, effort=int(thorough))
         return None
 
     @cached_property

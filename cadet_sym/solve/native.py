@@ -26,7 +26,18 @@ from cadet_sym.solve.runge_kutta import HEAD, PROCEDURES, REPORT, WORK
 from cadet_sym.solve.scales import Tolerance
 from cadet_sym.solve.tableaux import DORMAND_PRINCE, RANOCHA_3, RANOCHA_5, Pair
 
-__all__ = ["Marched", "Native", "has_machine_code", "have_machine_code", "march_all", "method", "prepare"]
+__all__ = [
+    "Made",
+    "Marched",
+    "Native",
+    "has_machine_code",
+    "have_machine_code",
+    "made_ready",
+    "march_all",
+    "march_made",
+    "method",
+    "prepare",
+]
 
 Array = npt.NDArray[np.float64]
 Places = npt.NDArray[np.intp]
@@ -91,8 +102,13 @@ def march_all(
         parts = [march_all(lowered, p[k], y[k], [edges[i] for i in k.tolist()], grid, tolerance.of(k)) for k in groups]
         order = np.argsort(np.concatenate(groups))
         return Marched(*(np.concatenate(pair)[order] for pair in zip(*parts, strict=True)))
-    made, (runs, whole), k = _made(lowered, bool(rests[0])), y.shape, len(grid)
+    return march_made(_made(lowered, bool(rests[0])), p, y, edges, grid, tolerance)
+
+
+def march_made(made: Made, p: Array, y: Array, edges: Sequence[Sequence[float]], grid: Array, tolerance: Tolerance) -> Marched:
+    """The same under a rate that was made ready."""
     assert made.rate, "chosen only where there is machine code"
+    (runs, whole), k = y.shape, len(grid)
     travel = np.array([number for times in edges for number in _travel(times)])
     p, here, grid = np.ascontiguousarray(p), y.copy(), np.ascontiguousarray(grid, dtype=float)
     size, found, reports = np.ascontiguousarray(tolerance.size), np.empty((runs, k, whole)), np.zeros((runs, REPORT))
@@ -114,8 +130,8 @@ def _travel(edges: Sequence[float]) -> Iterator[float]:
 
 
 @dataclass(frozen=True)
-class _Made:
-    """What the integrator takes of a model: where its machine code and tables are."""
+class Made:
+    """What the integrator takes of a rate: where its machine code and tables are."""
 
     rate: int  # 0 if there is none
     entries: int  # that move
@@ -126,21 +142,28 @@ class _Made:
     alive: tuple[Any, ...]
 
 
-_ready: Memory[_Made] = Memory()
+_ready: Memory[Made] = Memory()
 
 
-def _made(lowered: MomentFunctions, rests: bool) -> _Made:
-    def make() -> _Made:
+def _made(lowered: MomentFunctions, rests: bool) -> Made:
+    def make() -> Made:
         code, name = _rate(lowered, rests)
         every = np.arange(lowered.facts.packing.size)
         free, held = _free_and_held(lowered) if rests else (every, every[:0])
-        lanes = FEW if len(free) < LONG else MANY
-        places, tables = np.concatenate([free, held]).astype(float), np.array([pair.packed for pair in _pairs(lowered)])
-        at, n = (address(tables), len(tables)), -(-len(free) // lanes) * lanes
-        rate = 0 if code is None else code.addresses[name]
-        return _Made(rate, len(free), lanes, n, address(places), at, (code, places, tables))
+        return made_ready(code, name, free, held, _pairs(lowered))
 
     return _ready(lowered, (rests, lowered.jit), make)
+
+
+def made_ready(
+    code: MachineCode | None, name: str, free: Places, held: Places, pairs: Sequence[Pair] = (DORMAND_PRINCE,)
+) -> Made:
+    """A rate in machine code, (t, free, p and held) -> the rates of the free, ready to be integrated."""
+    lanes = FEW if len(free) < LONG else MANY
+    places, tables = np.concatenate([free, held]).astype(float), np.array([pair.packed for pair in pairs])
+    at, n = (address(tables), len(tables)), -(-len(free) // lanes) * lanes
+    rate = 0 if code is None else code.addresses[name]
+    return Made(rate, len(free), lanes, n, address(places), at, (code, places, tables))
 
 
 def method(lowered: MomentFunctions) -> str:

@@ -25,7 +25,9 @@ import numpy.typing as npt
 from cadet_sym.errors import ModelError, SolverError
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.solve.evaluate import behind
-from cadet_sym.solve.transient import Start
+from cadet_sym.solve.scales import Tolerance
+from cadet_sym.solve.transient import Start, suits_explicit
+from cadet_sym.solve.variational import STEPS, march_slopes, variational_rate
 
 __all__ = ["METHODS", "adjoint", "check_method", "forward", "head", "quantity"]
 
@@ -88,11 +90,12 @@ def forward(
     unit = np.maximum(np.abs(S).max(axis=0, initial=0.0) / size.max(), 0.0)
     unit = np.where(unit > 0, unit, [1 / max(abs(start.p[j]), 1e-3) if j >= 0 else 1.0 for j in columns])
     scale = np.concatenate([size, (size[:, None] * unit).ravel(order="F")])
+    explicit = suits_explicit(lowered, start, times)
     for stretch in _stretches(start, times):
         if stretch.begin in moved:
             S = S + np.outer(_jump(lowered, start.p, stretch.begin, y), moved[stretch.begin])
         z = np.concatenate([y, S.ravel(order="F")]) / scale
-        found = _over(lowered, start.p, tuple(columns), stretch, z, scale)
+        found = _over(lowered, start.p, tuple(columns), stretch, z, scale, explicit)
         for row in found[: stretch.outputs]:
             moments.append(row[:n])
             slopes.append(row[n:].reshape(n, c, order="F"))
@@ -111,15 +114,19 @@ def _run_forward(
 
 
 def _over(
-    lowered: MomentFunctions, p: Array, columns: tuple[int, ...], stretch: _Stretch, z: Array, scale: Array
+    lowered: MomentFunctions, p: Array, columns: tuple[int, ...], stretch: _Stretch, z: Array, scale: Array, explicit: bool
 ) -> Array:
     """Moments and derivatives at the times of a stretch; where no implicit formula begins there, explicit ones do."""
+    if explicit:
+        tolerance = Tolerance(RTOL / 10, 1e-3, scale, STEPS)
+        if (found := march_slopes(lowered, p, columns, stretch.begin, z * scale, stretch.grid, tolerance)) is not None:
+            return found
     try:
         return _first_success(lambda way: _run_forward(lowered, p, columns, stretch, z, scale, way), stretch)
     except SolverError:
         from scipy.integrate import solve_ivp
 
-        rate, begin = _augmented(lowered, columns), behind(stretch.begin)
+        rate, begin = variational_rate(lowered, columns), behind(stretch.begin)
         later = begin + HEAD * (float(stretch.grid[0]) - begin)
         with np.errstate(all="ignore"):  # what is not finite makes it shorten its step
             led = solve_ivp(
@@ -230,21 +237,6 @@ def _stretches(start: Start, times: Array, begin: float = 0.0) -> Iterator[_Stre
         yield _Stretch(begin, grid, inside.size)
 
 
-@lru_cache(maxsize=64)
-def _augmented(lowered: MomentFunctions, columns: tuple[int, ...]) -> ca.Function:
-    """(t, z, p) -> the rate of the moments and of their derivatives, z = [y; columns of S]."""
-    n, c = lowered.facts.packing.size, len(columns)
-    t, z, p = ca.SX.sym("t"), ca.SX.sym("z", n * (1 + c)), ca.SX.sym("p", len(lowered.parameters))
-    y, S = z[:n], ca.reshape(z[n:], n, c)
-    g = lowered.rate(t, y, p)
-    direction = ca.SX(len(lowered.parameters), c)
-    for k, j in enumerate(columns):
-        if j >= 0:
-            direction[j, k] = 1
-    slopes = [ca.jtimes(g, y, S[:, k]) + ca.jtimes(g, p, direction[:, k]) for k in range(c)]
-    return ca.Function("augmented", [t, z, p], [ca.vertcat(g, *slopes)])
-
-
 _OPTIONS = {
     "reltol": RTOL / 10,
     "abstol": RTOL * 1e-4,
@@ -257,7 +249,7 @@ _OPTIONS = {
 
 @lru_cache(maxsize=64)
 def _integrator(lowered: MomentFunctions, columns: tuple[int, ...], grid: tuple[float, ...], way: _Way) -> ca.Function:
-    function = _augmented(lowered, columns)
+    function = variational_rate(lowered, columns)
     count, size = len(lowered.parameters), function.size1_in(1)
     return _scaled("forward", function, count, size, list(grid), way)
 

@@ -248,6 +248,11 @@ def _plans(
     return [_known(start, key, lambda start=start: make([start])[0]) for start in starts]
 
 
+def suits_explicit(lowered: MomentFunctions, start: Start, grid: Array) -> bool:
+    """Whether a run is one for explicit formulas in machine code."""
+    return _plans(lowered, [start], grid, "auto", None)[0].kind == "native"
+
+
 def _tolerance(rtol: float, size: Array, packing: Packing, kind: str, growth: float) -> Tolerance:
     """What a step may err by: errors add up, the more steps the more, and small values matter the more."""
     tight = min(1.0, max(rtol, 1e-13) / 1e-6)

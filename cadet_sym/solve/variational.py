@@ -1,0 +1,67 @@
+"""The moments and their derivatives together, under explicit formulas in machine code: the variational equations.
+
+    y' = g(t, y, p),    S' = (dg/dy) S + dg/dp
+
+They are as stiff as the moments by themselves, so that what suits these suits all.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from cadet_sym.lowering.functions import MomentFunctions
+from cadet_sym.memory import Memory
+from cadet_sym.solve.native import Made, made_ready, march_made
+from cadet_sym.solve.scales import Tolerance
+
+__all__ = ["march_slopes", "variational_rate"]
+
+Array = npt.NDArray[np.float64]
+
+STEPS = 20_000
+"""Between two output times; where more are needed, implicit formulas are cheaper."""
+
+
+@lru_cache(maxsize=64)
+def variational_rate(lowered: MomentFunctions, columns: tuple[int, ...]) -> ca.Function:
+    """(t, z, p) -> the rate of the moments and of their derivatives, z = [y; columns of S].
+
+    Parameters
+    ----------
+    columns : entries of p; -1 stands for a column that only the start depends on.
+    """
+    n, c = lowered.facts.packing.size, len(columns)
+    t, z, p = ca.SX.sym("t"), ca.SX.sym("z", n * (1 + c)), ca.SX.sym("p", len(lowered.parameters))
+    y, S = z[:n], ca.reshape(z[n:], n, c)
+    g = lowered.rate(t, y, p)
+    direction = ca.SX(len(lowered.parameters), c)
+    for k, j in enumerate(columns):
+        if j >= 0:
+            direction[j, k] = 1
+    slopes = [ca.jtimes(g, y, S[:, k]) + ca.jtimes(g, p, direction[:, k]) for k in range(c)]
+    return ca.Function("augmented", [t, z, p], [ca.densify(ca.vertcat(g, *slopes))])
+
+
+def march_slopes(
+    lowered: MomentFunctions, p: Array, columns: tuple[int, ...], begin: float, z: Array, grid: Array, tolerance: Tolerance
+) -> Array | None:
+    """z (k, size) at the times of the grid, from z at `begin`; None where there is no machine code, or it gives up."""
+    made = _ready(lowered, columns, lambda: _made(lowered, columns))
+    if not made.rate:
+        return None
+    run = march_made(made, p[None], z[None], [(begin, float(grid[-1]))], grid, tolerance)
+    return None if run.status[0] or not np.isfinite(run.y).all() else run.y[0]
+
+
+_ready: Memory[Made] = Memory()
+
+
+def _made(lowered: MomentFunctions, columns: tuple[int, ...]) -> Made:
+    function = variational_rate(lowered, columns)
+    name = "_".join(["variational", *(str(j) if j >= 0 else "start" for j in columns)])
+    every = np.arange(function.size1_in(1))
+    return made_ready(lowered.machine_of(function, name), name, every, every[:0])
