@@ -11,9 +11,10 @@ from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.solve.course import Start, edges
 from cadet_sym.solve.evaluate import gains_over
 from cadet_sym.solve.native import has_machine_code, have_machine_code
+from cadet_sym.solve.scales import most_steps
 from cadet_sym.solve.stiff import bdf_compiles
 
-__all__ = ["Modes", "choose", "compiles", "modes"]
+__all__ = ["Modes", "choose", "compiles", "modes", "rings"]
 
 Array = npt.NDArray[np.float64]
 Modes = npt.NDArray[np.complex128]
@@ -33,9 +34,9 @@ QUICK = 6_000.0
 QUICK_DELAYED = 20_000.0
 """... and the same where wheels follow each other, for which there are no implicit ones in machine code."""
 
-RINGING, LASTING = 70_000.0, 40.0
-"""Up to the first they are so too if what is faster than that only swings, and decays in the whole run by no more than the
-second: implicit formulas of low order have to follow it all along, with many more steps."""
+RINGING, LASTING = 0.7, 40.0
+"""Up to the first times the steps that there may be, if what is faster only swings, and decays in the whole run by no more than
+the second: implicit formulas of low order have to follow it all along, with many more steps."""
 
 BUILT = 2500
 """Packed moments above which an integrator of CasADi's takes long to build (70 states)."""
@@ -56,16 +57,25 @@ def choose(lowered: MomentFunctions, starts: Sequence[Start], grid: Array, found
     Machine code where there is any: explicit while steps are limited by accuracy, for the frequencies of P are sums of two
     of N's. Else CVODES, direct while small.
     """
-    fastest = np.abs(found).max(axis=1, initial=0.0)
-    quick = fastest <= (QUICK if lowered.facts.delay is None else QUICK_DELAYED)
-    lasting = (np.abs(found) <= QUICK) | (np.abs(found.real) <= LASTING)
-    quick |= (fastest <= RINGING) & lasting.all(axis=1)
+    quick = (np.abs(found).max(axis=1, initial=0.0) <= _quick(lowered)) | rings(lowered, found)
     if quick.any():
         quick &= have_machine_code(lowered, *(np.array(part) for part in zip(*((s.p, s.y) for s in starts), strict=True)))
     return [
         "native" if each else _implicit_or_casadis(lowered, start, grid, own)
         for each, start, own in zip(quick.tolist(), starts, found, strict=True)
     ]
+
+
+def _quick(lowered: MomentFunctions) -> float:
+    return QUICK if lowered.facts.delay is None else QUICK_DELAYED
+
+
+def rings(lowered: MomentFunctions, found: Modes) -> npt.NDArray[np.bool_]:
+    """Of which runs with modes (runs, m) something too fast for few steps swings all along, (runs,)."""
+    fastest = np.abs(found).max(axis=1, initial=0.0)
+    lasting = (np.abs(found) <= QUICK) | (np.abs(found.real) <= LASTING)
+    within = (fastest > _quick(lowered)) & (fastest <= RINGING * most_steps(lowered.facts.packing.size))
+    return np.asarray(within & lasting.all(axis=1))
 
 
 def _implicit_or_casadis(lowered: MomentFunctions, start: Start, grid: Array, found: Modes) -> str:

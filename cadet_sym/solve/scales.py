@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from cadet_sym.packing import Packing
 
-__all__ = ["Tolerance", "fits", "peaks"]
+__all__ = ["STEPS", "Tolerance", "fits", "most_steps", "peaks"]
 
 Array = npt.NDArray[np.float64]
 
@@ -24,6 +24,10 @@ MANY_TIMES = 1e4
 """... and that size a variance."""
 
 
+STEPS = 100_000
+"""Of a stretch, unless it is known to ask for more."""
+
+
 @dataclass(frozen=True)
 class Tolerance:
     """What a step may err by: relative (|y| + absolute size)."""
@@ -31,11 +35,16 @@ class Tolerance:
     relative: float
     absolute: float  # over relative, in units of the sizes
     size: Array  # (size,) of every packed moment; or (runs, size)
-    steps: int = 100_000  # between two output times at most: where a moment runs away, steps shrink without end
+    steps: int = STEPS  # of a stretch at most: where a moment runs away, steps shrink without end
 
     def of(self, runs: npt.NDArray[np.intp]) -> Tolerance:
         """That of some of the runs."""
         return self if self.size.ndim == 1 else replace(self, size=self.size[runs])
+
+
+def most_steps(size: int) -> int:
+    """Explicit steps of so many moments that are worth it where they are known to be needed: a few seconds of them."""
+    return int(min(max(1e8 / size**2, STEPS), 3e6))
 
 
 def peaks(y: Array, packing: Packing) -> Array:

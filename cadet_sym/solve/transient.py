@@ -10,6 +10,7 @@ import time
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 from weakref import ref
 
 import numpy as np
@@ -20,12 +21,12 @@ from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.memory import Memory
 from cadet_sym.packing import Packing
 from cadet_sym.solve.breakdown import Breakdown
-from cadet_sym.solve.choice import choose, compiles, modes
+from cadet_sym.solve.choice import choose, compiles, modes, rings
 from cadet_sym.solve.course import ENGINES, March, Start, Trajectory, edges, march
 from cadet_sym.solve.definite import lost, warn_of_loss
 from cadet_sym.solve.native import march_all, method
 from cadet_sym.solve.rough import ABSOLUTE, outline
-from cadet_sym.solve.scales import Tolerance, fits, peaks
+from cadet_sym.solve.scales import STEPS, Tolerance, fits, most_steps, peaks
 from cadet_sym.solve.sound import are_sound
 from cadet_sym.solve.stiff import MANY_STATES
 
@@ -137,11 +138,11 @@ def _together(
     native = [k for k, plan in enumerate(plans) if plan.kind == "native"]
     if not native:
         return np.empty((len(starts), len(grid), packing.size)), marches
-    growths = {plan.growth: None for plan in plans}
-    if len(growths) > 1:  # absolute tolerances of their own
+    cares = {plan.care: None for plan in plans}
+    if len(cares) > 1:  # tolerances of their own
         y = np.empty((len(starts), len(grid), packing.size))
-        for growth in growths:
-            these = [k for k, plan in enumerate(plans) if plan.growth == growth]
+        for care in cares:
+            these = [k for k, plan in enumerate(plans) if plan.care == care]
             own, ways = [starts[k] for k in these], [courses[k] for k in these]
             y[these], found = _together(lowered, own, ways, grid, [plans[k] for k in these], rtol)
             for k, run in zip(these, found, strict=True):
@@ -151,7 +152,7 @@ def _together(
     if any(plans[k].size is not size for k in native):
         size = np.array([plans[k].size for k in native])
     p, begin = np.array([starts[k].p for k in native]), np.array([starts[k].y for k in native])
-    tolerance = _tolerance(rtol, size, packing, "native", *growths)
+    tolerance = _tolerance(rtol, size, packing, "native", *cares)
     runs = march_all(lowered, p, begin, [courses[k] for k in native], grid, tolerance)
     y = runs.y
     if len(native) < len(starts):
@@ -167,16 +168,16 @@ def _judged(lowered: MomentFunctions, start: Start, grid: Array, plan: _Plan, rt
     """A run that was not found sound: integrated by itself if it was not yet, and again where it is not what it should be."""
     packing, kind, size = lowered.facts.packing, plan.kind, plan.size
     if run is None:
-        run = march(lowered, start, grid, kind, _tolerance(rtol, size, packing, kind, plan.growth), rtol)
+        run = march(lowered, start, grid, kind, _tolerance(rtol, size, packing, kind, plan.care), rtol)
         run = run._replace(sound=are_sound(run.y[None], packing, size[None])[0])
     if not run.sound and not fits(size, run.y, packing):
         size = peaks(np.vstack([start.y, run.y]), packing)
-        run = march(lowered, start, grid, kind, _tolerance(rtol, size, packing, kind, plan.growth), rtol)
+        run = march(lowered, start, grid, kind, _tolerance(rtol, size, packing, kind, plan.care), rtol)
     if not run.sound and lost(run.y, packing).any():
-        run = march(lowered, start, grid, kind, _tolerance(rtol * 1e-3, size, packing, kind, plan.growth), rtol)
+        run = march(lowered, start, grid, kind, _tolerance(rtol * 1e-3, size, packing, kind, plan.care), rtol)
         warn_of_loss(grid, run.y, packing, lowered.facts.states)
     if run.doubtful:
-        again = _again(lowered, start, grid, kind, _tolerance(rtol * 1e-2, size, packing, kind, plan.growth))
+        again = _again(lowered, start, grid, kind, _tolerance(rtol * 1e-2, size, packing, kind, plan.care))
         _compare(run.y, again.y if again else None, size, rtol)
         run = again or run
     return run
@@ -217,13 +218,20 @@ def check_times(times: npt.ArrayLike) -> Array:
     raise ModelError(f"times begin at {grid[0]:g}; the run begins at 0.")
 
 
+class Care(NamedTuple):
+    """What a run asks for besides a tolerance."""
+
+    growth: float  # how many times larger its moments become than they begin, where errors grow with them
+    steps: int  # that it may take
+
+
 @dataclass(frozen=True)
 class _Plan:
     """What is settled before a run is integrated."""
 
     kind: str  # of engine
     size: Array  # of every moment
-    growth: float = 1.0  # how many times larger they become than they begin, where errors grow with them
+    care: Care
 
 
 _known: Memory[_Plan] = Memory()
@@ -236,11 +244,13 @@ def _plans(
     end = float(grid[-1])
 
     def make(these: Sequence[Start]) -> list[_Plan]:
-        known, kinds = outline(lowered, these[0], end, declared), [engine] * len(these)
+        known, kinds, steps = outline(lowered, these[0], end, declared), [engine] * len(these), [STEPS] * len(these)
         if engine == "auto":
-            kinds = choose(lowered, these, grid, modes(lowered, np.array([each.p for each in these]), end, known.along))
+            found = modes(lowered, np.array([each.p for each in these]), end, known.along)
+            kinds = choose(lowered, these, grid, found)
+            steps = [most_steps(len(these[0].y)) if each else STEPS for each in rings(lowered, found).tolist()]
         growth = known.growth(lowered.facts.packing)
-        return [_Plan(kind, known.size, growth) for kind in kinds]
+        return [_Plan(kind, known.size, Care(growth, most)) for kind, most in zip(kinds, steps, strict=True)]
 
     if len(starts) > 1 and declared is not None:
         return make(starts)
@@ -253,13 +263,14 @@ def suits_explicit(lowered: MomentFunctions, start: Start, grid: Array) -> bool:
     return _plans(lowered, [start], grid, "auto", None)[0].kind == "native"
 
 
-def _tolerance(rtol: float, size: Array, packing: Packing, kind: str, growth: float) -> Tolerance:
+def _tolerance(rtol: float, size: Array, packing: Packing, kind: str, care: Care) -> Tolerance:
     """What a step may err by: errors add up, the more steps the more, and small values matter the more."""
     tight = min(1.0, max(rtol, 1e-13) / 1e-6)
+    absolute = tight**0.5 * ABSOLUTE / care.growth
     weighed = size
     if packing.ground:
         weighed = size.copy()
         weighed[..., size.shape[-1] - packing.ground :] *= BETWEEN
     if kind == "native":  # the errors of its order hardly add up
-        return Tolerance(max(rtol, 1e-13), tight**0.5 * ABSOLUTE / growth, weighed)
-    return Tolerance(max(tight**0.75 * rtol, 2e-14), tight**0.5 * ABSOLUTE / growth, weighed)
+        return Tolerance(max(rtol, 1e-13), absolute, weighed, care.steps)
+    return Tolerance(max(tight**0.75 * rtol, 2e-14), absolute, weighed)
