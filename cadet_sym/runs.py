@@ -6,7 +6,6 @@ machine code, the outputs. Every number is the one of a run by itself.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
@@ -28,6 +27,7 @@ from cadet_sym.solve.start import initial_moments
 from cadet_sym.solve.transient import Start, Trajectory, check_times, integrate, integrate_all
 from cadet_sym.solve.wheels import present_errors
 from cadet_sym.version import VERSION
+from cadet_sym.warning import warn
 
 __all__ = ["Names", "Run", "Runs", "output_times", "run_all", "run_cycle", "starts_of"]
 
@@ -194,11 +194,11 @@ def _with_wheel_errors(functions: MomentFunctions, found: Sequence[Run], last: A
         if isinstance(run, Trajectory):
             runs[k] = replace(run, statistics={**run.statistics, "wheel grid error": error})
     if (worst := errors.max()) > COARSE:
-        warnings.warn(
+        text = (
             f"the ground between the wheels may not be resolved (estimated error {worst:.1g}); "
-            "compile the model with a finer grid, for example `cs.compile(model, grid=(8, 10))`",
-            stacklevel=5,
+            "compile the model with a finer grid, for example `cs.compile(model, grid=(8, 10))`"
         )
+        warn(UserWarning(text))
     return runs
 
 

@@ -5,7 +5,6 @@ Shapes as in `results`: n augmented states, m outputs; arrays are read-only, and
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +16,7 @@ from cadet_sym.errors import SolverError
 from cadet_sym.files import save_as
 from cadet_sym.results import NamedMoments, Provenance, coordinates, freeze, provenance_line
 from cadet_sym.tables import aligned, html, plain
+from cadet_sym.warning import warn
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -205,7 +205,7 @@ def search_along(
     if not any(rows):
         raise SolverError(f"no stationary solution at any value of {parameter}: {failures[float(values[0])]}")
     for value, reason in failures.items():
-        warnings.warn(f"{parameter} = {value:g}: {reason}", stacklevel=2)
+        warn(UserWarning(f"{parameter} = {value:g}: {reason}"))
     model = next(row[0].model for row in rows if row)
     return StationarySweep(model, parameter, values, tuple(rows), failures)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator, Mapping
 from threading import Lock
 from typing import TYPE_CHECKING
@@ -19,6 +18,7 @@ from cadet_sym.expectation.polar import Homogeneous
 from cadet_sym.expectation.switched import Switched
 from cadet_sym.language.expression import symbol
 from cadet_sym.lowering.survey import describing_functions
+from cadet_sym.warning import warn
 
 if TYPE_CHECKING:
     from cadet_sym.lowering.functions import MomentFunctions
@@ -52,12 +52,11 @@ class Validity:
             error = max(_errors(df, numbers), default=0.0)
             if error > max(accuracy.WARNED, 2 * df.error):
                 listed = ", ".join(f"{name} = {value:g}" for name, value in own.items())
-                warnings.warn(
+                text = (
                     f"the element `{df.name}`: with {listed} its quadrature is accurate to {error:.0e} only, for its order was "
-                    "chosen for the declared numbers; compile the model with these (`model.with_parameters`, `--set`)",
-                    ExpectationWarning,
-                    stacklevel=5,
+                    "chosen for the declared numbers; compile the model with these (`model.with_parameters`, `--set`)"
                 )
+                warn(ExpectationWarning(text))
 
 
 def _errors(df: DescribingFunction, numbers: Mapping[sp.Symbol, float]) -> Iterator[float]:

@@ -6,7 +6,6 @@ The judge of what the rest of the package computes: nothing of linearisation or 
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
@@ -30,6 +29,7 @@ from cadet_sym.simulation.statistics import Moments, interval_factor
 from cadet_sym.simulation.steps import Chosen, Precision, choose_step
 from cadet_sym.simulation.twin import Twin
 from cadet_sym.simulation.workers import Task, records_in_parts
+from cadet_sym.warning import warn
 
 __all__ = ["simulate"]
 
@@ -145,7 +145,7 @@ def simulate(
             partial=ensemble,
         )
     if found.diverged:
-        warnings.warn(ensemble.notes[-1], RuntimeWarning, stacklevel=2)
+        warn(RuntimeWarning(ensemble.notes[-1]))
     if over > 1.0:
         raise SolverError(
             f"the limits wanted, {target:g}, were not reached in {time_limit:g} s: with {found.paths} paths the widest "

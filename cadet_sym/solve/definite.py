@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from cadet_sym.packing import Packing
+from cadet_sym.warning import warn
 
 __all__ = ["LIMIT", "lost", "warn_of_loss"]
 
@@ -53,10 +53,9 @@ def warn_of_loss(time: Array, y: Array, packing: Packing, states: Sequence[str])
     ratio = values[:, 0] / np.maximum(np.einsum("kii->k", P), np.finfo(float).tiny)
     worst = int(np.argmin(ratio))
     state = states[int(np.argmax(np.abs(vectors[worst, :, 0])))]
-    warnings.warn(
+    text = (
         f"the covariance is not positive semidefinite at t = {time[bad[worst]]:.6g}: its smallest eigenvalue is "
         f"{ratio[worst]:.2g} of its trace, mostly along `{state}`. Differences between states that move together are "
-        "lost in the integration error there; ask for a smaller rtol, or measure one state relative to the other.",
-        RuntimeWarning,
-        stacklevel=7,
+        "lost in the integration error there; ask for a smaller rtol, or measure one state relative to the other."
     )
+    warn(RuntimeWarning(text))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from itertools import pairwise
 
@@ -12,6 +11,7 @@ import numpy.typing as npt
 from cadet_sym.errors import ModelError
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.solve.evaluate import results, results_over, results_shared
+from cadet_sym.warning import warn
 
 __all__ = ["initial_moments", "profile_mean"]
 
@@ -74,13 +74,12 @@ def _warn_of_uneven_start(functions: MomentFunctions, p: Array) -> None:
     """Warn where the ground at the start is not one and the same under the wheels of a track, for parameters (k, count)."""
     (unlike,) = results_over(functions.unevenness, p)
     if not (unlike <= UNEVEN).all():
-        warnings.warn(
+        text = (
             "the ground at the start is not the same under all wheels of a track; all of it is taken to be like that under "
             "the rearmost, until they have left it. Let the travel begin where the ground is the same over the wheelbase, "
-            'or use `ground = "smooth"`',
-            RuntimeWarning,
-            stacklevel=9,
+            'or use `ground = "smooth"`'
         )
+        warn(RuntimeWarning(text))
 
 
 def profile_mean(functions: MomentFunctions, p: Array) -> Array:

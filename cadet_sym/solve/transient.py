@@ -7,7 +7,6 @@ engine is led through the run from breakpoint to breakpoint (`course`). A step's
 from __future__ import annotations
 
 import time
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -29,6 +28,7 @@ from cadet_sym.solve.rough import ABSOLUTE, outline
 from cadet_sym.solve.scales import STEPS, Tolerance, fits, most_steps, peaks
 from cadet_sym.solve.sound import are_sound
 from cadet_sym.solve.stiff import MANY_STATES
+from cadet_sym.warning import warn
 
 __all__ = ["ENGINES", "Start", "Trajectory", "check_times", "integrate", "integrate_all"]
 
@@ -196,13 +196,12 @@ def _compare(y: Array, again: Array | None, size: Array, rtol: float) -> None:
     change = np.inf if again is None else float((np.abs(again - y) / size).max(initial=0.0))
     if not change <= max(DIFFERENT, 100 * rtol):
         found = "there is no run to hold it against" if again is None else f"the moments differ by {change:.1g} of their size"
-        warnings.warn(
+        text = (
             "friction holds the system where the run sets out, and its gain there says nothing of the gain later: at a "
             f"hundredth of the tolerance {found}. Ask for a "
-            'smaller rtol, or start with a little variance; engine="native" takes no gains, only rates.',
-            RuntimeWarning,
-            stacklevel=7,
+            'smaller rtol, or start with a little variance; engine="native" takes no gains, only rates.'
         )
+        warn(RuntimeWarning(text))
 
 
 def check_times(times: npt.ArrayLike) -> Array:
