@@ -19,7 +19,6 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import casadi as ca
@@ -35,6 +34,7 @@ import cadet_sym as cs
 from cadet_sym.solve.evaluate import Rate
 from cadet_sym.solve.native import march_all
 from cadet_sym.solve.scales import Tolerance
+from cadet_sym.solve.shares import team_of
 
 ROOT = Path(__file__).resolve().parent.parent
 FIGURE_3 = ROOT / "models" / "oleo_acceleration.toml"
@@ -186,16 +186,13 @@ def sweep_on_two_cores(console: Console, points: int = 200, repeat: int = 7) -> 
 
 def integrator_alone(compiled: cs.CompiledModel, runs: int) -> Callable[[int], None]:
     """What carries so many runs, shared out among threads, in the integrator and nowhere else."""
-    end, part = compiled.declaration.duration, runs // 8
-    y, p = (np.repeat(each[None], part, axis=0) for each in (compiled.initial(), compiled.parameter_vector()))
+    end = compiled.declaration.duration
+    y, p = (np.repeat(each[None], runs, axis=0) for each in (compiled.initial(), compiled.parameter_vector()))
     grid, tolerance = np.linspace(0.0, end, 501), Tolerance(1e-8, 1e-3, np.ones(y.shape[1]))
 
-    def some(_: int) -> None:
-        march_all(compiled.functions, p, y, [(0.0, end)] * part, grid, tolerance)
-
     def all_of_them(workers: int) -> None:
-        with ThreadPoolExecutor(workers) as pool:
-            list(pool.map(some, range(8)))
+        with team_of(workers) as team:
+            march_all(compiled.functions, p, y, [(0.0, end)] * runs, grid, tolerance, team)
 
     return all_of_them
 

@@ -168,10 +168,15 @@ class CompiledModel:
         points: int | None = None,
         rtol: float | None = None,
         engine: str = "auto",
+        workers: int = 1,
     ) -> Runs:
         """The same for many values of parameters, side by side: to the last bit what `propagate` gives for each.
 
         In explicit machine code all of it is one call, which leaves Python's lock to other threads.
+
+        Parameters
+        ----------
+        workers : threads that share the runs out among them. Worth it where runs are machine code.
 
         Raises
         ------
@@ -185,7 +190,7 @@ class CompiledModel:
         if len(counts) != 1:
             raise ModelError("runs at once need at least one parameter, and as many values of each.")
         p = self._made.vectors(columns, *counts)
-        return self._run(p, times, duration, points, rtol, engine, alike=True)
+        return self._run(p, times, duration, points, rtol, engine, alike=True, workers=workers)
 
     def _run(
         self,
@@ -197,9 +202,11 @@ class CompiledModel:
         engine: str,
         *,
         alike: bool,
+        workers: int = 1,
     ) -> Runs:
         grid, rtol = output_times(self._made, times, duration, points), self.declaration.rtol if rtol is None else rtol
-        return run_all(self._made, p, grid, rtol=rtol, engine=engine, alike=alike, derivatives=self.gradient)
+        more = {"alike": alike, "derivatives": self.gradient, "workers": workers}
+        return run_all(self._made, p, grid, rtol=rtol, engine=engine, **more)
 
     def periodic(
         self,

@@ -23,6 +23,7 @@ from cadet_sym.results import MomentHistory, PeriodicMoments, Provenance
 from cadet_sym.solve.breakpoints import breakpoints_of
 from cadet_sym.solve.outputs import outputs_over
 from cadet_sym.solve.senseless import refuse_senseless
+from cadet_sym.solve.shares import team_of
 from cadet_sym.solve.start import initial_moments
 from cadet_sym.solve.transient import Start, Trajectory, check_times, integrate, integrate_all
 from cadet_sym.solve.wheels import present_errors
@@ -115,13 +116,22 @@ class Runs:
 
 
 def run_all(
-    made: Compiled, p: Array, grid: Array, *, rtol: float, engine: str, alike: bool, derivatives: Derivatives | None
+    made: Compiled,
+    p: Array,
+    grid: Array,
+    *,
+    rtol: float,
+    engine: str,
+    alike: bool,
+    derivatives: Derivatives | None,
+    workers: int = 1,
 ) -> Runs:
     """Run with parameters (runs, count) through the times of the grid.
 
     Parameters
     ----------
     alike : take the sizes of the moments from a run at the declared parameters.
+    workers : threads that share the runs out among them.
 
     Raises
     ------
@@ -133,13 +143,15 @@ def run_all(
     functions, names, end = made.functions, Names.of(made), float(grid[-1])
     starts = starts_of(made, p, end)
     declared = declared_start(made, end) if alike else None
-    y, found = integrate_all(functions, starts, grid, rtol=rtol, engine=engine, declared=declared)
+    with team_of(min(workers, len(p))) as team:
+        y, found = integrate_all(functions, starts, grid, rtol=rtol, engine=engine, declared=declared, team=team)
+        outputs = outputs_over(functions, grid, y, p, team)
     if functions.facts.delay is not None:
         found = _with_wheel_errors(functions, found, y[:, -1], p, end)
     for error, own in zip(found, p, strict=True):
         if isinstance(error, SolverError) and isinstance(partial := error.details.get("partial"), Trajectory):
             error.partial = error.details["partial"] = _named(made, partial, own, derivatives)  # type: ignore[attr-defined]
-    return Runs(names, p, tuple(found), *outputs_over(functions, grid, y, p), derivatives)
+    return Runs(names, p, tuple(found), *outputs, derivatives)
 
 
 def output_times(

@@ -3,8 +3,8 @@
 Every point is a run of its own from declared starts: results are the same bit for bit, whoever computes them and in
 whatever order. A point that fails is kept as such, with its message; the others are not touched by it.
 
-Runs in machine code leave Python's lock to others: threads share them out among the cores at once. Other runs need other
-processes, which take seconds to start.
+Runs in machine code leave Python's lock to others: threads share many of them out among the cores at once. Other runs need
+other processes, which take seconds to start.
 """
 
 from __future__ import annotations
@@ -43,16 +43,19 @@ Array = npt.NDArray[np.float64]
 Place = tuple[Runs, int] | str  # where a run is, or why there is none
 
 TRIAL = 0.5
-"""Seconds after which it is looked at how long the rest of a sweep would take ..."""
+"""Seconds of work, of every thread, between two looks at how far a sweep has come and how long the rest would take ..."""
 
 START_UP = 6.0
 """... and seconds of that which other processes are worth: each imports and reads the model for one or two."""
 
-CHUNK = 25
-"""Points handed over at once, at most: in a thread, that it seldom wants Python's lock ..."""
+SHARE = 8
+"""Points of every thread between two looks, at least: at the last of them, the others wait."""
 
-ROOM = 4_000_000
-"""... but no more than hold so many numbers."""
+CHUNK = 25
+"""Points handed over to another process at once, at most."""
+
+ROOM = 10_000_000
+"""Numbers that the runs done at once may hold."""
 
 
 class Histories(Sequence["MomentHistory | None"]):
@@ -161,6 +164,8 @@ def sweep(
     ModelError
         If the model or a name is wrong. A point at which the numbers go wrong is kept as a failure.
     """
+    if workers is not None and workers < 1:
+        raise ModelError(f"`workers` is {workers}; it must be at least 1.")
     model = model if isinstance(model, Model) else load(model)
     names, points, axes = _points(values, kind)
     task = _Task(model, names, run)
@@ -210,10 +215,10 @@ class _Task:
         """What is sent to another process, which compiles for itself."""
         return {name: value for name, value in self.__dict__.items() if name != "compiled"}
 
-    def some(self, first: int, rows: Array) -> list[tuple[int, Place]]:
+    def some(self, first: int, rows: Array, threads: int = 1) -> list[tuple[int, Place]]:
         """Several points from one on, in whatever process; a numerical failure comes back as its message."""
         try:
-            runs = self.compiled.propagate_all(dict(zip(self.names, rows.T, strict=True)), **self.run)
+            runs = self.compiled.propagate_all(dict(zip(self.names, rows.T, strict=True)), workers=threads, **self.run)
         except (SolverError, ArithmeticError) as error:  # nothing to start from
             if len(rows) > 1:
                 return [pair for k in range(len(rows)) for pair in self.some(first + k, rows[k : k + 1])]
@@ -227,26 +232,27 @@ class _Task:
 
 def _results(task: _Task, points: Array, executor: Any, workers: int | None) -> Iterator[tuple[int, Place]]:
     """The points' results with their numbers, as they come: here while that is soon done, then wherever there is room."""
-    done, count, most, threads, length = 0, len(points), workers or os.cpu_count() or 1, False, CHUNK
+    done, count = 0, len(points)
     if executor is None:
-        began = perf_counter()
-        ((_, first),) = pairs = task.some(0, points[:1])  # with it, all is there that threads are to share
-        done = 1
-        yield from pairs
-        if not isinstance(first, str):
-            run = first[0].found[0]
-            threads, length = most > 1 and _leaves_the_lock(task.compiled, run), _length(run)
-        while done < count and not threads and workers in (None, 1):
-            spent = perf_counter() - began
-            if workers is None and spent > TRIAL and spent / done * (count - done) > START_UP:
+        run, threads, some, began = None, 1, 1, perf_counter()
+        while done < count:
+            before = perf_counter()
+            found = task.some(done, points[done : done + some], threads)
+            yield from found
+            done, pace = done + len(found), (perf_counter() - before) / len(found)
+            if run is None:  # with the first, all is there that threads are to share
+                run = next((runs.found[k] for runs, k in (place for _, place in found if not isinstance(place, str))), None)
+                threads = _threads(task.compiled, run, workers)
+            elsewhere = workers is None and perf_counter() - began > TRIAL and pace * (count - done) > START_UP
+            if threads == 1 and (elsewhere or workers not in (None, 1)):
                 break
-            some = max(1, min(length, int(TRIAL * done / spent)))
-            yield from task.some(done, points[done : done + some])
-            done = min(done + some, count)
+            most = max(int(TRIAL * threads / pace), SHARE * threads if threads > 1 else 1)
+            some = min(most, _room(run))
     if done == count:
         return
-    with _pool(executor, workers, most if threads else 0) as pool:
-        chunks = most * max(4, -(-(count - done) // (most * length)))  # as much for each
+    with _pool(executor, workers) as pool:
+        most = workers or os.cpu_count() or 1
+        chunks = most * max(4, -(-(count - done) // (most * CHUNK)))  # as much for each
         edges = sorted({done + (count - done) * k // chunks for k in range(chunks + 1)})
         futures = [pool.submit(task.some, a, points[a:b]) for a, b in itertools.pairwise(edges)]
         try:
@@ -258,26 +264,24 @@ def _results(task: _Task, points: Array, executor: Any, workers: int | None) -> 
             raise
 
 
-def _length(run: Run) -> int:
-    """How many runs like this one are to be handed over at once."""
-    return max(1, min(CHUNK, ROOM // max(run.y.size, 1))) if isinstance(run, Trajectory) else CHUNK
+def _room(run: Run | None) -> int:
+    """How many runs like this one may be done at once."""
+    return max(1, ROOM // max(run.y.size, 1)) if isinstance(run, Trajectory) else CHUNK
 
 
-def _leaves_the_lock(compiled: CompiledModel, run: Run) -> bool:
-    """Whether runs like this one leave Python's lock to other threads, and nothing that they share is changed."""
-    return isinstance(run, Trajectory) and run.engine.endswith("machine code") and not compiled.functions.facts.whole
+def _threads(compiled: CompiledModel, run: Run | None, workers: int | None) -> int:
+    """Among how many threads runs like this one are shared out: one, unless they leave Python's lock to others."""
+    leaves = isinstance(run, Trajectory) and run.engine.endswith("machine code") and not compiled.functions.facts.whole
+    return (workers or os.cpu_count() or 1) if leaves else 1
 
 
 @contextmanager
-def _pool(executor: Any, workers: int | None, threads: int) -> Iterator[Any]:
-    """The executor handed in, left open; threads; or processes of our own, started afresh so that no lock is inherited."""
-    from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+def _pool(executor: Any, workers: int | None) -> Iterator[Any]:
+    """The executor handed in, left open; or processes of our own, started afresh so that no lock is inherited."""
+    from concurrent.futures import ProcessPoolExecutor
 
     if executor is not None:
         yield executor
-    elif threads:
-        with ThreadPoolExecutor(threads) as pool:
-            yield pool
     else:
         from multiprocessing import get_context
 

@@ -136,6 +136,24 @@ def test_runs_at_once_are_those_of_each_alone():
     assert len(engines) > 1
 
 
+@pytest.mark.parametrize("count", [1, 2, 37])
+def test_threads_that_share_runs_out_give_the_numbers_of_one(count):
+    """Among them some that are stiff, and one that fails."""
+    compiled = cs.compile(toml(MODEL.replace("0.4*v", "d*v").replace("e = 0.1", "e = 0.1\nd = 0.4")))
+    values = {"d": np.where(np.arange(count) % 9 == 4, 1e5, 0.4), "e": np.where(np.arange(count) == 5, -50.0, 0.1)}
+    one, three = (compiled.propagate_all(values, points=7, workers=workers) for workers in (1, 3))
+    assert list(one.failures) == list(three.failures) == [5][: count > 5]
+    for k in set(range(count)) - set(one.failures):
+        assert one[k].provenance.engine == three[k].provenance.engine
+        np.testing.assert_array_equal(one[k].state_covariance, three[k].state_covariance)
+        np.testing.assert_array_equal(one[k].output_variance, three[k].output_variance)
+
+
+def test_there_is_at_least_one_worker():
+    with pytest.raises(ModelError, match="`workers` is 0"):
+        sweep(toml(MODEL), {"k": [2.0]}, workers=0)
+
+
 def test_runs_at_once_need_as_many_values_of_each_parameter():
     with pytest.raises(ModelError, match="as many"):
         cs.compile(toml(MODEL)).propagate_all({"k": [1.0, 2.0], "e": [0.1, 0.2, 0.3]})
@@ -175,11 +193,11 @@ def test_a_sweep_that_is_stopped_begins_no_more_points(monkeypatch):
 
     some = sweeps._Task.some
 
-    def interrupted(task, first, rows):
+    def interrupted(task, first, rows, threads):
         begun.append(first)
         if len(begun) > 1:
             raise KeyboardInterrupt
-        return some(task, first, rows)
+        return some(task, first, rows, threads)
 
     monkeypatch.setattr(sweeps._Task, "some", interrupted)
     with pytest.raises(KeyboardInterrupt):

@@ -111,12 +111,14 @@ def modes(lowered: MomentFunctions, p: Array, duration: float, along: Array) -> 
 
     Returns
     -------
-    (k, m n)
+    (k, m n); (k, n) where N is the same at all times.
     """
     runs, m = len(p), len(along)
     times = duration * np.arange(m) / max(m - 1, 1)
-    N = gains_over(lowered, np.tile(times, runs), np.tile(along, (runs, 1)), np.repeat(p, m, axis=0)).reshape(runs, -1)
-    known = np.asarray(np.isfinite(N).all(axis=1))
-    matrices = np.where(known[:, None], N, 0.0).reshape(runs * m, lowered.facts.packing.n, -1)
+    N = gains_over(lowered, np.tile(times, runs), np.tile(along, (runs, 1)), np.repeat(p, m, axis=0)).reshape(runs, m, -1)
+    known = np.asarray(np.isfinite(N).all(axis=(1, 2)))
+    if (N[:, :1] == N).all():  # as that of a linear model
+        N = N[:, :1]
+    matrices = np.where(known[:, None, None], N, 0.0).reshape(runs * N.shape[1], lowered.facts.packing.n, -1)
     found = (2 * duration * np.linalg.eigvals(matrices)).reshape(runs, -1)
     return np.where(known[:, None], found, complex(np.nan))

@@ -24,6 +24,7 @@ from cadet_sym.solve.breakdown import settled
 from cadet_sym.solve.evaluate import results_over
 from cadet_sym.solve.runge_kutta import HEAD, PROCEDURES, REPORT, WORK
 from cadet_sym.solve.scales import Tolerance
+from cadet_sym.solve.shares import ALONE, Team
 from cadet_sym.solve.tableaux import DORMAND_PRINCE, RANOCHA_3, RANOCHA_5, Pair
 
 __all__ = [
@@ -85,11 +86,17 @@ class Native:
 
 
 def march_all(
-    lowered: MomentFunctions, p: Array, y: Array, edges: Sequence[Sequence[float]], grid: Array, tolerance: Tolerance
+    lowered: MomentFunctions,
+    p: Array,
+    y: Array,
+    edges: Sequence[Sequence[float]],
+    grid: Array,
+    tolerance: Tolerance,
+    team: Team = ALONE,
 ) -> Marched:
     """Carry runs that differ in their parameters (runs, count) from y (runs, size) through the times of the grid.
 
-    Python's lock is left to other threads once, for all of it.
+    Python's lock is left to other threads once, for all of it, or for each part of a team's.
 
     Parameters
     ----------
@@ -99,25 +106,32 @@ def march_all(
     rests = _rest(lowered, p, y)
     if rests.any() and not rests.all():
         groups = [np.flatnonzero(rests), np.flatnonzero(~rests)]
-        parts = [march_all(lowered, p[k], y[k], [edges[i] for i in k.tolist()], grid, tolerance.of(k)) for k in groups]
+        parts = [march_all(lowered, p[k], y[k], [edges[i] for i in k.tolist()], grid, tolerance.of(k), team) for k in groups]
         order = np.argsort(np.concatenate(groups))
         return Marched(*(np.concatenate(pair)[order] for pair in zip(*parts, strict=True)))
-    return march_made(_made(lowered, bool(rests[0])), p, y, edges, grid, tolerance)
+    return march_made(_made(lowered, bool(rests[0])), p, y, edges, grid, tolerance, team)
 
 
-def march_made(made: Made, p: Array, y: Array, edges: Sequence[Sequence[float]], grid: Array, tolerance: Tolerance) -> Marched:
+def march_made(
+    made: Made, p: Array, y: Array, edges: Sequence[Sequence[float]], grid: Array, tolerance: Tolerance, team: Team = ALONE
+) -> Marched:
     """The same under a rate that was made ready."""
     assert made.rate, "chosen only where there is machine code"
     (runs, whole), k = y.shape, len(grid)
-    travel = np.array([number for times in edges for number in _travel(times)])
     p, here, grid = np.ascontiguousarray(p), y.copy(), np.ascontiguousarray(grid, dtype=float)
     size, found, reports = np.ascontiguousarray(tolerance.size), np.empty((runs, k, whole)), np.zeros((runs, REPORT))
-    work = _zeros((WORK + 1) * made.n + HEAD + p.shape[1] + whole)
-    _march_all(made.lanes)(
-        made.rate, runs, address(grid), k, address(here), whole, made.places, made.entries, made.n, address(p), p.shape[1],
-        address(size), whole * (size.ndim - 1), tolerance.relative, tolerance.absolute, address(travel), tolerance.steps,
-        *made.tables, address(work), address(found), address(reports),
-    )  # fmt: skip
+
+    def some(part: slice) -> None:
+        travel = np.array([number for times in edges[part] for number in _travel(times)])
+        work = _zeros((WORK + 1) * made.n + HEAD + p.shape[1] + whole)
+        _march_all(made.lanes)(
+            made.rate, part.stop - part.start, address(grid), k, address(here[part]), whole, made.places, made.entries, made.n,
+            address(p[part]), p.shape[1], address(size[part] if size.ndim > 1 else size), whole * (size.ndim - 1),
+            tolerance.relative, tolerance.absolute, address(travel), tolerance.steps, *made.tables, address(work),
+            address(found[part]), address(reports[part]),
+        )  # fmt: skip
+
+    team.share(runs, some)
     time, steps, _, _, known, status = reports.T
     return Marched(found, time, here, steps, known, status)
 

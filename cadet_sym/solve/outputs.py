@@ -13,13 +13,16 @@ from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.lowering.kernel import Function, Vector, kernel, part
 from cadet_sym.lowering.machine import address
 from cadet_sym.solve.evaluate import results_shared
+from cadet_sym.solve.shares import ALONE, Team
 
 __all__ = ["outputs_over"]
 
 Array = npt.NDArray[np.float64]
 
 
-def outputs_over(lowered: MomentFunctions, time: Array, y: Array, p: Array) -> tuple[Array, Array]:
+def outputs_over(
+    lowered: MomentFunctions, time: Array, y: Array, p: Array, team: Team = ALONE
+) -> tuple[Array, Array]:
     """Means and variances (runs, k, m) of the outputs of many runs with parameters (runs, count).
 
     From the packed moments (runs, k, size) at all times (k,).
@@ -31,8 +34,14 @@ def outputs_over(lowered: MomentFunctions, time: Array, y: Array, p: Array) -> t
         return mean, variance
     time, y, p = (np.ascontiguousarray(each, dtype=float) for each in (time, y, p))
     if (code := lowered.machine_outputs(runs * times)) is not None:
-        given = runs, times, address(time), address(y), size, address(p), p.shape[1], m, address(mean), address(variance)
-        _outputs_of_all()(code.addresses["outputs"], *given)
+        outputs, whole = code.addresses["outputs"], _outputs_of_all()
+
+        def some(part: slice) -> None:
+            found = address(mean[part]), address(variance[part])
+            count = part.stop - part.start
+            whole(outputs, count, times, address(time), address(y[part]), size, address(p[part]), p.shape[1], m, *found)
+
+        team.share(runs, some)
         return mean, variance
     for k in range(runs):
         mean[k], variance[k] = results_shared(lowered.outputs, times, time, y[k], p[k])

@@ -19,6 +19,7 @@ from cadet_sym.lowering.machine import address, available
 from cadet_sym.packing import Packing
 from cadet_sym.solve.definite import LIMIT, MANY, TINY
 from cadet_sym.solve.scales import FEW_TIMES, MANY_TIMES
+from cadet_sym.solve.shares import ALONE, Team
 
 __all__ = ["are_sound", "look_over"]
 
@@ -94,15 +95,20 @@ def look_over_all(
     return 0
 
 
-def are_sound(y: Array, packing: Packing, size: Array) -> list[bool]:
+def are_sound(y: Array, packing: Packing, size: Array, team: Team = ALONE) -> list[bool]:
     """Which packed moments (runs, k, size), of sizes (size,) or (runs, size), are sound; False where that is not known."""
     (runs, rows, count), n = y.shape, packing.n
     if n > MANY or max(runs, next(_runs)) < PAYS or not available():
         return [False] * runs
-    y, size, work, verdicts = np.ascontiguousarray(y), np.ascontiguousarray(size), np.empty(n * n + n), np.empty(runs)
+    y, size, verdicts = np.ascontiguousarray(y), np.ascontiguousarray(size), np.empty(runs)
     least = 0.5 * LIMIT  # so that no other way to round would find otherwise
-    given = address(y), runs, rows, count, n, address(size), count * (size.ndim - 1), least, FEW_TIMES, MANY_TIMES
-    _look_over_all()(*given, address(work), address(verdicts))
+
+    def some(part: slice) -> None:
+        work, sizes = np.empty(n * n + n), size[part] if size.ndim > 1 else size
+        given = part.stop - part.start, rows, count, n, address(sizes), count * (size.ndim - 1), least, FEW_TIMES, MANY_TIMES
+        _look_over_all()(address(y[part]), *given, address(work), address(verdicts[part]))
+
+    team.share(runs, some)
     return (verdicts == 1.0).tolist()
 
 

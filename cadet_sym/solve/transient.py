@@ -26,6 +26,7 @@ from cadet_sym.solve.definite import lost, warn_of_loss
 from cadet_sym.solve.native import march_all, method
 from cadet_sym.solve.rough import ABSOLUTE, outline
 from cadet_sym.solve.scales import STEPS, Tolerance, fits, most_steps, peaks
+from cadet_sym.solve.shares import ALONE, Team
 from cadet_sym.solve.sound import are_sound
 from cadet_sym.solve.stiff import MANY_STATES
 from cadet_sym.warning import warn
@@ -81,8 +82,9 @@ def integrate_all(
     rtol: float = 1e-8,
     engine: str = "auto",
     declared: Callable[[], Start] | None = None,
+    team: Team = ALONE,
 ) -> tuple[Array, list[Trajectory | SolverError | ArithmeticError]]:
-    """Integrate many runs, each to the numbers of `integrate`; those of explicit machine code all in one call.
+    """Integrate many runs, each to the numbers of `integrate`; those of explicit machine code in one call, or one a part.
 
     Returns
     -------
@@ -100,23 +102,35 @@ def integrate_all(
         )
     began = time.perf_counter()
     plans, courses = _plans(lowered, starts, grid, engine, declared), [edges(start, grid) for start in starts]
-    y, marches = _together(lowered, starts, courses, grid, plans, rtol)
-    found: list[March | SolverError | ArithmeticError] = []
-    for start, plan, own, known in zip(starts, plans, y, marches, strict=True):
-        try:
-            run = known if known is not None and known.sound else _judged(lowered, start, grid, plan, rtol, known)
-        except (SolverError, ArithmeticError) as error:
-            own.fill(np.nan)
-            found.append(error)
-            continue
-        if run is not known:
-            own[:] = run.y
-        found.append(run)
+    y, marches = _together(lowered, starts, courses, grid, plans, rtol, team)
+
+    def rest(part: slice) -> list[March | SolverError | ArithmeticError]:
+        runs = zip(starts[part], plans[part], y[part], marches[part], strict=True)
+        return [
+            known if known is not None and known.sound else _settled(lowered, start, grid, plan, rtol, known, own)
+            for start, plan, own, known in runs
+        ]
+
+    found = [run for part in team.share(len(starts), rest) for run in part]
     seconds = (time.perf_counter() - began) / max(len(starts), 1)
     return y, [
         _trajectory(grid, own, run, course, rtol, seconds) if isinstance(run, March) else run
         for own, run, course in zip(y, found, courses, strict=True)
     ]
+
+
+def _settled(
+    lowered: MomentFunctions, start: Start, grid: Array, plan: _Plan, rtol: float, known: March | None, y: Array
+) -> March | SolverError | ArithmeticError:
+    """A run that was not found sound as it should be, with its moments written to y, or why there is none."""
+    try:
+        run = _judged(lowered, start, grid, plan, rtol, known)
+    except (SolverError, ArithmeticError) as error:
+        y.fill(np.nan)
+        return error
+    if run is not known:
+        y[:] = run.y
+    return run
 
 
 def _trajectory(grid: Array, y: Array, run: March, course: Sequence[float], rtol: float, seconds: float) -> Trajectory:
@@ -131,6 +145,7 @@ def _together(
     grid: Array,
     plans: Sequence[_Plan],
     rtol: float,
+    team: Team,
 ) -> tuple[Array, list[March | None]]:
     """Runs in explicit machine code, all in one call, and room for the others; None of these, and of those that broke down."""
     packing = lowered.facts.packing
@@ -144,7 +159,7 @@ def _together(
         for care in cares:
             these = [k for k, plan in enumerate(plans) if plan.care == care]
             own, ways = [starts[k] for k in these], [courses[k] for k in these]
-            y[these], found = _together(lowered, own, ways, grid, [plans[k] for k in these], rtol)
+            y[these], found = _together(lowered, own, ways, grid, [plans[k] for k in these], rtol, team)
             for k, run in zip(these, found, strict=True):
                 marches[k] = run
         return y, marches
@@ -153,12 +168,12 @@ def _together(
         size = np.array([plans[k].size for k in native])
     p, begin = np.array([starts[k].p for k in native]), np.array([starts[k].y for k in native])
     tolerance = _tolerance(rtol, size, packing, "native", *cares)
-    runs = march_all(lowered, p, begin, [courses[k] for k in native], grid, tolerance)
+    runs = march_all(lowered, p, begin, [courses[k] for k in native], grid, tolerance, team)
     y = runs.y
     if len(native) < len(starts):
         y = np.empty((len(starts), *runs.y.shape[1:]))
         y[native] = runs.y
-    name, verdicts = method(lowered), are_sound(runs.y, packing, size)
+    name, verdicts = method(lowered), are_sound(runs.y, packing, size, team)
     for k, sound, steps, status in zip(native, verdicts, runs.steps.tolist(), runs.status.tolist(), strict=True):
         marches[k] = None if status else March(y[k], name, int(steps), doubtful=False, sound=sound)
     return y, marches
