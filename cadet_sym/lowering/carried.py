@@ -5,12 +5,15 @@ is the same few operations for every mode of every element, on all rows at once:
 processor's memory for instructions.
 
     a_i' = N a_i - slope_i    (see `cadet_sym.delay`; the arithmetic is that of `lowering.delay`)
+
+The rate of the ground is linear in what it consists of, a and what enters, and in what moves it, N and V/h. So the loops
+carry derivatives too: once with those of the former, and once more, added, with those of the latter.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -24,7 +27,7 @@ from cadet_sym.lowering.llvm import intermediate
 if TYPE_CHECKING:
     from cadet_sym.lowering.functions import MomentFunctions
 
-__all__ = ["WIDEST", "carried_code", "head"]
+__all__ = ["WIDEST", "carried_code", "carried_slopes_code", "head", "slopes_head"]
 
 WIDEST = 64
 """Rows up to which a vector of them is worth its registers."""
@@ -69,32 +72,85 @@ class _Layout:
     apart: str  # what is known of it is in x or in p ...
     known: int  # ... from here on
     moves: int
+    adds: bool = False  # the rates to what is there
+
+
+def slopes_head(lowered: MomentFunctions, directions: ca.SX) -> ca.Function:
+    """(t, [y; columns of S], p) -> what `head` gives, and its derivatives along every column.
+
+    First the rates and their derivatives, then what moves the ground; and of every column what moves the derivatives of
+    the ground, N and V/h with the derivative of what enters, and what moves the ground besides, the other way round.
+
+    Parameters
+    ----------
+    directions : (parameters, columns) along which p goes.
+    """
+    function, grid, size = lowered.rate_head, lowered.facts.delay, lowered.facts.packing.size
+    assert grid is not None
+    t, p = ca.SX.sym("t"), ca.SX.sym("p", len(lowered.parameters))
+    z = ca.SX.sym("z", size * (1 + directions.size2()))
+    y, S = z[:size], ca.reshape(z[size:], size, directions.size2())
+    rates, moves = function(t, y, p)
+    entering = moves.numel() - sum(len(track.gaps) * track.noises * grid.rows for track in grid.tracks)
+    all_rates, all_moves = [rates], [moves]
+    for k in range(directions.size2()):
+        slopes, changes = (ca.jtimes(f, y, S[:, k]) + ca.jtimes(f, p, directions[:, k]) for f in (rates, moves))
+        all_rates.append(ca.densify(slopes))
+        all_moves += [ca.vertcat(moves[:entering], changes[entering:]), ca.vertcat(changes[:entering], moves[entering:])]
+    return ca.Function("head", [t, z, p], ca.cse([*all_rates, *map(ca.densify, all_moves)]))
+
+
+def carried_slopes_code(lowered: MomentFunctions, function: ca.Function, name: str) -> str:
+    """LLVM's text of the rate (t, [y; S], p) of the moments and their derivatives, from `slopes_head`."""
+    size, columns = lowered.facts.packing.size, (function.n_out() - 2) // 3
+    layout = _layout(lowered, lowered.rate_head, "x")
+    pointers = [f"d{k}" for k in range(1 + columns)] + [f"m{k}" for k in range(1 + 2 * columns)]
+    lines = [
+        intermediate(function, f"{name}_head"),
+        *_ground(layout, "ground"),
+        *_ground(replace(layout, adds=True), "more_ground"),
+        f"define void @{name}(ptr %t, ptr %z, ptr %p, ptr %dz) nounwind {{",
+        *(f"  %m{k} = alloca [{layout.moves} x double], align 32" for k in range(1 + 2 * columns)),
+        *(f"  %z{k} = getelementptr double, ptr %z, i64 {k * size}" for k in range(1 + columns)),
+        *(f"  %d{k} = getelementptr double, ptr %dz, i64 {k * size}" for k in range(1 + columns)),
+        f"  call void @{name}_head(ptr %t, ptr %z, ptr %p, {', '.join(f'ptr %{each}' for each in pointers)})",
+        "  call void @ground(ptr %m0, ptr %z0, ptr %p, ptr %d0)",
+    ]
+    for k in range(1, 1 + columns):
+        lines.append(f"  call void @ground(ptr %m{2 * k - 1}, ptr %z{k}, ptr %p, ptr %d{k})")
+        lines.append(f"  call void @more_ground(ptr %m{2 * k}, ptr %z0, ptr %p, ptr %d{k})")
+    return "\n".join([*lines, "  ret void\n}\n"])
+
+
+def _layout(lowered: MomentFunctions, head: ca.Function, apart: str) -> _Layout:
+    grid = lowered.facts.delay
+    assert grid is not None
+    columns = used_columns(lowered.parts.sparsity_out(1), grid.rows)
+    known = head.size1_in(1 if apart == "x" else 2) - grid.known
+    return _Layout(grid, columns, head.size1_out(0), apart, known, head.size1_out(1))
 
 
 def carried_code(lowered: MomentFunctions, function: ca.Function, name: str) -> str:
     """LLVM's text of the rate (t, x, p) -> dx, from its `head`."""
-    grid = lowered.facts.delay
-    assert grid is not None
-    apart = "x" if name == "rate" else "p"
-    layout = _Layout(
-        grid,
-        used_columns(lowered.parts.sparsity_out(1), grid.rows),
-        function.size1_out(0),
-        apart,
-        (function.size1_in(1) if apart == "x" else function.size1_in(2)) - grid.known,
-        function.size1_out(1),
-    )
-    body = "\n".join(_body(layout, name))
-    return f"{intermediate(function, f'{name}_head')}\n{body}\n"
+    layout = _layout(lowered, function, "x" if name == "rate" else "p")
+    lines = [
+        intermediate(function, f"{name}_head"),
+        *_ground(layout, "ground"),
+        f"define void @{name}(ptr %t, ptr %x, ptr %p, ptr %dx) nounwind {{",
+        f"  %moves = alloca [{layout.moves} x double], align 32",
+        f"  call void @{name}_head(ptr %t, ptr %x, ptr %p, ptr %dx, ptr %moves)",
+        "  call void @ground(ptr %moves, ptr %x, ptr %p, ptr %dx)",
+        "  ret void\n}\n",
+    ]
+    return "\n".join(lines)
 
 
-def _body(layout: _Layout, name: str) -> Iterator[str]:
+def _ground(layout: _Layout, name: str) -> Iterator[str]:
+    """A function that writes the rates of the ground, or adds them to what is there."""
     grid, rows = layout.grid, layout.grid.rows
     vector = f"<{rows} x double>"
-    yield f"define void @{name}(ptr %t, ptr %x, ptr %p, ptr %dx) nounwind {{"
-    yield f"  %moves = alloca [{layout.moves} x double], align 32"
+    yield f"define internal void @{name}(ptr %moves, ptr %x, ptr %p, ptr %dx) nounwind {{"
     yield f"  %inflow = alloca {vector}, align 32"
-    yield f"  call void @{name}_head(ptr %t, ptr %x, ptr %p, ptr %dx, ptr %moves)"
     for c in range(len(layout.columns)):
         yield from _load(f"%n{c}", "%moves", c * rows, vector)
     first, known, g = layout.first, layout.known, 0
@@ -109,7 +165,7 @@ def _body(layout: _Layout, name: str) -> Iterator[str]:
             first += gap.elements * gap.modes * q * rows
             known += gap.elements * gap.modes * q * len(gap.known)
             added, g = added + q * rows, g + 1
-    if layout.apart == "x" and grid.known:
+    if layout.apart == "x" and grid.known and not layout.adds:
         yield f"  %rest = getelementptr double, ptr %dx, i64 {layout.known}"
         yield f"  call void @llvm.memset.p0.i64(ptr %rest, i8 0, i64 {8 * grid.known}, i1 false)"
     yield "  ret void\n}"
@@ -177,9 +233,13 @@ def _element(layout: _Layout, gap: Gap, place: _Place, label: str) -> Iterator[s
             yield operation(f"t{m}", "fadd", f"t{m - 1}" if m > 1 else "k0", f"k{m}")
         total = yield from _product(layout, gap, place, label, m)
         slope = f"%{label}{'t' if m == last else 'k'}{m}"
-        yield f"  %{label}r{m} = fsub {vector} {total}, {slope}"
+        rate = f"%{label}r{m}"
+        yield f"  {rate} = fsub {vector} {total}, {slope}"
         yield f"  %{label}d{m} = getelementptr double, ptr %{label}d, i64 {m * stride}"
-        yield f"  store {vector} %{label}r{m}, ptr %{label}d{m}, align 8"
+        if layout.adds:
+            yield f"  {rate}b = load {vector}, ptr %{label}d{m}, align 8"
+            yield f"  {rate}s = fadd {vector} {rate}, {rate}b"
+        yield f"  store {vector} {rate}{'s' if layout.adds else ''}, ptr %{label}d{m}, align 8"
 
 
 def _product(layout: _Layout, gap: Gap, place: _Place, label: str, m: int) -> Iterator[str]:

@@ -135,20 +135,28 @@ class MomentFunctions:
     def _compiled(self, name: str) -> MachineCode | None:
         if name == "rate" and self.large and available():
             return structured_rate(self.ingredients, self._shelf)
-        loops = name != "outputs" and self.facts.delay is not None and self.facts.delay.rows <= WIDEST
-        if loops:
+        if name != "outputs" and self.in_loops:
             head = getattr(self, f"{name}_head")
             return self.machine_of(head, name, lambda: carried_code(self, head, name))
         return self.machine_of(getattr(self, name), name)
 
     def machine_of(self, function: ca.Function, name: str, text: Callable[[], str] | None = None) -> MachineCode | None:
         """A function made of these, or what stands in `text` for it, as machine code kept under a name; None as above."""
-        if not available() or size(function) > (LARGEST if self.jit else LARGE_CALLING if function.find_functions() else LARGE):
+        if not available() or size(function) > self.longest(function):
             return None
         thorough = self.jit or is_small(function)
         with contextlib.suppress(ValueError):  # an operation that only CasADi knows
             return machine_code(text or (lambda: intermediate(function, name)), name, shelf=self._shelf, effort=int(thorough))
         return None
+
+    def longest(self, function: ca.Function) -> int:
+        """Operations up to which a function like this one is worth making machine code of."""
+        return LARGEST if self.jit else LARGE_CALLING if function.find_functions() else LARGE
+
+    @property
+    def in_loops(self) -> bool:
+        """Whether machine code goes over the ground between wheels in loops."""
+        return self.facts.delay is not None and self.facts.delay.rows <= WIDEST
 
     @cached_property
     def large(self) -> bool:

@@ -18,14 +18,15 @@ from cadet_sym.errors import SolverError
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.solve.scales import peaks
 from cadet_sym.solve.sensitivity import adjoint, forward, head
-from cadet_sym.solve.transient import Start, integrate
+from cadet_sym.solve.transient import Start, integrate, suits_explicit
 
 __all__ = ["Gradient", "start_entry"]
 
 Array = npt.NDArray[np.float64]
 
 MANY = 20
-"""Parameters, above the number of times, from which on one run backwards a time is cheaper than a column a parameter."""
+"""Parameters, above the number of times, from which on one run backwards a time is cheaper than a column a parameter, where
+those are not carried in machine code."""
 
 STEP = 1e-5
 """Of central differences, relative: of what is found by iteration."""
@@ -76,7 +77,8 @@ class Gradient:
         slope = np.hstack([self._start_slope(start), np.eye(len(start.y))[:, list(entries)]])
         size = self._size(start, float(times[-1]))
         chosen = [*columns, *range(len(p), len(p) + len(entries))]
-        if method == "adjoint" or (method == "auto" and len(chosen) > MANY + len(times)):
+        many = len(chosen) > MANY + len(times) and not suits_explicit(self.functions, start, times)
+        if method == "adjoint" or (method == "auto" and many):
             try:
                 return self._adjoint(wanted, start, times, size, slope)[:, chosen]
             except SolverError:
@@ -120,7 +122,7 @@ class Gradient:
 
     def _size(self, start: Start, end: float) -> Array:
         grid = np.linspace(0, end, 33) if end > 0 else np.zeros(1)
-        return peaks(integrate(self.functions, start, grid, rtol=1e-4).y, self.functions.facts.packing)
+        return peaks(integrate(self.functions, start, grid, rtol=1e-6).y, self.functions.facts.packing)
 
     def _start_slope(self, start: Start) -> Array:
         """Derivative (size, parameters) of the start: central differences where a stationary state is solved for."""

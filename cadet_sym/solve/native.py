@@ -37,6 +37,7 @@ __all__ = [
     "march_all",
     "march_made",
     "method",
+    "pairs_of",
     "prepare",
 ]
 
@@ -164,7 +165,7 @@ def _made(lowered: MomentFunctions, rests: bool) -> Made:
         code, name = _rate(lowered, rests)
         every = np.arange(lowered.facts.packing.size)
         free, held = _free_and_held(lowered) if rests else (every, every[:0])
-        return made_ready(code, name, free, held, _pairs(lowered))
+        return made_ready(code, name, free, held, pairs_of(lowered))
 
     return _ready(lowered, (rests, lowered.jit), make)
 
@@ -186,10 +187,11 @@ def method(lowered: MomentFunctions) -> str:
     Where wheels follow each other, stability limits the steps: on the way from wheel to wheel values decay fast. Pairs that
     are stable for longer then compete with the one of order 8 (see `runge_kutta`).
     """
-    return f"Runge-Kutta {', '.join(pair.name for pair in _pairs(lowered))}, machine code"
+    return f"Runge-Kutta {', '.join(pair.name for pair in pairs_of(lowered))}, machine code"
 
 
-def _pairs(lowered: MomentFunctions) -> tuple[Pair, ...]:
+def pairs_of(lowered: MomentFunctions) -> tuple[Pair, ...]:
+    """The pairs of formulas by which runs are integrated."""
     return (DORMAND_PRINCE,) if lowered.facts.delay is None else (DORMAND_PRINCE, RANOCHA_5, RANOCHA_3)
 
 

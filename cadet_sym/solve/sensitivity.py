@@ -27,7 +27,7 @@ from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.solve.evaluate import behind
 from cadet_sym.solve.scales import Tolerance
 from cadet_sym.solve.transient import Start, suits_explicit
-from cadet_sym.solve.variational import STEPS, march_slopes, variational_rate
+from cadet_sym.solve.variational import STEPS, columns_at_once, march_slopes, variational_rate
 
 __all__ = ["METHODS", "adjoint", "check_method", "forward", "head", "quantity"]
 
@@ -81,6 +81,14 @@ def forward(
     moved : how every breakpoint moves with the columns, (c,) each.
     """
     n, c = len(start.y), len(columns)
+    explicit = suits_explicit(lowered, start, times)
+    if explicit and 0 < (most := columns_at_once(lowered)) < c:
+        groups = [slice(k, k + most) for k in range(0, c, most)]
+        parts = [
+            forward(lowered, start, start_slope[:, k], columns[k], size, times, {t: each[k] for t, each in moved.items()})
+            for k in groups
+        ]
+        return parts[0][0], np.concatenate([S for _, S in parts], axis=2)
     y, S = start.y, start_slope
     moments, slopes = [], []
     if times[0] == 0:
@@ -90,7 +98,6 @@ def forward(
     unit = np.maximum(np.abs(S).max(axis=0, initial=0.0) / size.max(), 0.0)
     unit = np.where(unit > 0, unit, [1 / max(abs(start.p[j]), 1e-3) if j >= 0 else 1.0 for j in columns])
     scale = np.concatenate([size, (size[:, None] * unit).ravel(order="F")])
-    explicit = suits_explicit(lowered, start, times)
     for stretch in _stretches(start, times):
         if stretch.begin in moved:
             S = S + np.outer(_jump(lowered, start.p, stretch.begin, y), moved[stretch.begin])

@@ -13,14 +13,19 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from cadet_sym.lowering.carried import carried_slopes_code, slopes_head
 from cadet_sym.lowering.functions import MomentFunctions
+from cadet_sym.lowering.operations import size
 from cadet_sym.memory import Memory
-from cadet_sym.solve.native import Made, made_ready, march_made
+from cadet_sym.solve.native import Made, made_ready, march_made, pairs_of
 from cadet_sym.solve.scales import Tolerance
 
-__all__ = ["march_slopes", "variational_rate"]
+__all__ = ["columns_at_once", "march_slopes", "variational_rate"]
 
 Array = npt.NDArray[np.float64]
+
+OF_A_COLUMN = 1.5
+"""Operations of a column's derivatives, those of the rate one."""
 
 STEPS = 20_000
 """Between two output times; where more are needed, implicit formulas are cheaper."""
@@ -34,16 +39,26 @@ def variational_rate(lowered: MomentFunctions, columns: tuple[int, ...]) -> ca.F
     ----------
     columns : entries of p; -1 stands for a column that only the start depends on.
     """
-    n, c = lowered.facts.packing.size, len(columns)
+    n, c, direction = lowered.facts.packing.size, len(columns), _directions(lowered, columns)
     t, z, p = ca.SX.sym("t"), ca.SX.sym("z", n * (1 + c)), ca.SX.sym("p", len(lowered.parameters))
     y, S = z[:n], ca.reshape(z[n:], n, c)
     g = lowered.rate(t, y, p)
-    direction = ca.SX(len(lowered.parameters), c)
+    slopes = [ca.jtimes(g, y, S[:, k]) + ca.jtimes(g, p, direction[:, k]) for k in range(c)]
+    return ca.Function("augmented", [t, z, p], [ca.densify(ca.vertcat(g, *slopes))])
+
+
+def _directions(lowered: MomentFunctions, columns: tuple[int, ...]) -> ca.SX:
+    direction = ca.SX(len(lowered.parameters), len(columns))
     for k, j in enumerate(columns):
         if j >= 0:
             direction[j, k] = 1
-    slopes = [ca.jtimes(g, y, S[:, k]) + ca.jtimes(g, p, direction[:, k]) for k in range(c)]
-    return ca.Function("augmented", [t, z, p], [ca.densify(ca.vertcat(g, *slopes))])
+    return direction
+
+
+def columns_at_once(lowered: MomentFunctions) -> int:
+    """How many columns machine code carries at once, so that it is not too long; 0 where it is that without any."""
+    function = lowered.rate_head if lowered.in_loops else lowered.rate
+    return int((lowered.longest(function) / size(function) - 1) / OF_A_COLUMN)
 
 
 def march_slopes(
@@ -61,7 +76,11 @@ _ready: Memory[Made] = Memory()
 
 
 def _made(lowered: MomentFunctions, columns: tuple[int, ...]) -> Made:
-    function = variational_rate(lowered, columns)
     name = "_".join(["variational", *(str(j) if j >= 0 else "start" for j in columns)])
-    every = np.arange(function.size1_in(1))
-    return made_ready(lowered.machine_of(function, name), name, every, every[:0])
+    every = np.arange(lowered.facts.packing.size * (1 + len(columns)))
+    if lowered.in_loops:
+        head = slopes_head(lowered, _directions(lowered, columns))
+        code = lowered.machine_of(head, name, lambda: carried_slopes_code(lowered, head, name))
+    else:
+        code = lowered.machine_of(variational_rate(lowered, columns), name)
+    return made_ready(code, name, every, every[:0], pairs_of(lowered))
