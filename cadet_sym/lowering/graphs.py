@@ -12,7 +12,7 @@ from functools import cache
 import casadi as ca
 
 from cadet_sym.lowering.instructions import Module, arguments, counted, literal
-from cadet_sym.lowering.lanes import over_columns
+from cadet_sym.lowering.lanes import over_columns, side_by_side
 from cadet_sym.lowering.operations import kinds as names
 
 __all__ = ["choice", "graph", "mapped"]
@@ -21,7 +21,10 @@ LARGEST = 4096
 """Numbers that a function may keep on the stack."""
 
 WIDEST = 64
-"""Numbers that are added to others at once."""
+"""Numbers that are added to others at once ..."""
+
+TOGETHER = 8
+"""... for so many columns: a processor adds them side by side, where each has to wait for the one before it."""
 
 LOOPS = {
     # out = x x x ...
@@ -52,39 +55,57 @@ LOOPS = {
 """Loops, by name."""
 
 
-def _accumulated(n: int, weighted: bool) -> str:
-    """@summed.N(count, out, x): out += the sum of N numbers at x, at x + N, at x + 2 N, ..., in this order.
+def _summed(n: int) -> str:
+    """@summed.N(count, out, x): out += the sum of N numbers at x, at x + N, at x + 2 N, ..., in this order."""
+    return _accumulated(f"summed.{n}", n, 1, weighted=False)
 
-    @multiplied.N(count, out, x, y): the same, each N times their own number of y.
-    """
-    vector, more = f"<{n} x double>", ", ptr %y" if weighted else ""
-    product = [
-        "  %q = getelementptr double, ptr %y, i64 %k",
-        "  %w = load double, ptr %q",
-        f"  %i = insertelement {vector} poison, double %w, i64 0",
-        f"  %s = shufflevector {vector} %i, {vector} poison, <{n} x i32> zeroinitializer",
-        f"  %t = fmul {vector} %v, %s",
+
+def _multiplied(n: int, columns: int) -> str:
+    """@multiplied.N.M(count, out, x, y): the same, each N times their own number of y; for M columns of out and y at once."""
+    return _accumulated(f"multiplied.{n}.{columns}", n, columns, weighted=True)
+
+
+def _accumulated(name: str, n: int, columns: int, *, weighted: bool) -> str:
+    vector, every = f"<{n} x double>", range(columns)
+    starts = [
+        line
+        for j in every
+        for line in (
+            f"  %o{j} = getelementptr double, ptr %out, i64 {j * n}",
+            f"  %before{j} = load {vector}, ptr %o{j}, align 8",
+            *([f"  %f{j} = mul i64 %count, {j}", f"  %y{j} = getelementptr double, ptr %y, i64 %f{j}"] if weighted else []),
+        )
     ]
+    adds = []
+    for j in every:
+        if weighted:
+            adds += [
+                f"  %q{j} = getelementptr double, ptr %y{j}, i64 %k",
+                f"  %w{j} = load double, ptr %q{j}",
+                f"  %i{j} = insertelement {vector} poison, double %w{j}, i64 0",
+                f"  %s{j} = shufflevector {vector} %i{j}, {vector} poison, <{n} x i32> zeroinitializer",
+                f"  %t{j} = fmul {vector} %v, %s{j}",
+            ]
+        adds.append(f"  %more{j} = fadd {vector} %sum{j}, {f'%t{j}' if weighted else '%v'}")
     lines = [
-        f"define internal void @{'multiplied' if weighted else 'summed'}.{n}(i64 %count, ptr %out, ptr %x{more}) nounwind {{",
+        f"define internal void @{name}(i64 %count, ptr %out, ptr %x{', ptr %y' * weighted}) nounwind {{",
         "start:",
-        f"  %before = load {vector}, ptr %out, align 8",
+        *starts,
         "  br label %test",
         "test:",
         "  %k = phi i64 [0, %start], [%next, %body]",
-        f"  %sum = phi {vector} [%before, %start], [%more, %body]",
+        *(f"  %sum{j} = phi {vector} [%before{j}, %start], [%more{j}, %body]" for j in every),
         "  %go = icmp slt i64 %k, %count",
         "  br i1 %go, label %body, label %end",
         "body:",
         f"  %f = mul i64 %k, {n}",
         "  %p = getelementptr double, ptr %x, i64 %f",
         f"  %v = load {vector}, ptr %p, align 8",
-        *(product if weighted else []),
-        f"  %more = fadd {vector} %sum, {'%t' if weighted else '%v'}",
+        *adds,
         "  %next = add i64 %k, 1",
         "  br label %test",
         "end:",
-        f"  store {vector} %sum, ptr %out, align 8",
+        *(f"  store {vector} %sum{j}, ptr %o{j}, align 8" for j in every),
         "  ret void",
         "}",
     ]
@@ -101,7 +122,7 @@ def _of_entries(operation: int, operands: int) -> ca.Function:
 def mapped(function: ca.Function, module: Module) -> list[str]:
     """The lines of `@self`, a function that is called for every column of its arguments."""
     info = function.info()
-    name, given = over_columns(info["f"], [False] * function.n_in(), module), arguments(function)
+    name, given = over_columns(info["f"], info["n"], [False] * function.n_in(), module), arguments(function)
     return [
         f"define internal void @self({given}) nounwind {{",
         f"  call void @{name}(i64 {info['n']}, {given})",
@@ -140,6 +161,31 @@ def choice(function: ca.Function, module: Module) -> list[str]:
     return [*lines, "}"]
 
 
+def _sums(function: ca.Function) -> dict[int, list[bool]]:
+    """Of calls for columns side by side, which results are summed over these and not used otherwise."""
+    kind = [names()[function.instruction_id(k)] for k in range(function.n_instructions())]
+    holds: dict[int, tuple[int, int]] = {}  # by register: the call and which of its results
+    users: dict[tuple[int, int], list[int]] = {}
+    for k, name in enumerate(kind):
+        for i in function.instruction_input(k) if name != "INPUT" else ():
+            if i in holds:
+                users[holds[i]].append(k)
+        for j, to in enumerate(function.instruction_output(k) if name != "OUTPUT" else ()):
+            holds.pop(to, None)
+            if name == "CALL":
+                holds[to] = k, j
+                users[k, j] = []
+    found = {}
+    for k in {k for k, _ in users}:
+        called = function.instruction_MX(k).which_function()
+        if called.class_name() == "Map" and side_by_side(each := called.info()["f"]):
+            found[k] = []
+            for j in range(each.n_out()):
+                summed = [kind[i] == "HORZREPSUM" and function.instruction_MX(i).nnz() == each.nnz_out(j) for i in users[k, j]]
+                found[k].append(summed == [True])
+    return found
+
+
 def graph(function: ca.Function, module: Module) -> list[str]:
     """The lines of `@self`, a function of matrices.
 
@@ -162,6 +208,8 @@ class _Graph:
         self.at: dict[int, str] = {}  # what CasADi has in a register: a pointer ...
         self.size: dict[int, int] = {}  # ... to so many numbers,
         self.tiled: dict[int, tuple[str, int]] = {}  # or one to fewer that are there again and again
+        self.summed: set[int] = set()  # or one to the sum of what CasADi has there
+        self.sums = _sums(function)
         self.written = [0] * function.n_out()
 
     def text(self) -> list[str]:
@@ -174,7 +222,9 @@ class _Graph:
                 continue
             node = self.function.instruction_MX(k)
             write = getattr(self, f"_of_{kind.lower()}", None)
-            if write is not None:
+            if kind == "CALL":
+                self._call(k, node.which_function(), read, into)
+            elif write is not None:
                 write(node, read, into)
             else:
                 self._entries(kind, node, read, into)
@@ -199,16 +249,20 @@ class _Graph:
         numbers = ", ".join(f"double {literal(value)}" for value in values)
         self._part(into[0], self._table(f"[{len(values)} x double] [{numbers}]"), 0, len(values))
 
-    def _of_call(self, node: ca.MX, read: list[int], into: list[int]) -> None:
-        called, first = node.which_function(), ""
+    def _call(self, k: int, called: ca.Function, read: list[int], into: list[int]) -> None:
+        summed = self.sums.get(k, [False] * len(into))
         if called.class_name() == "Map":  # what is the same in every column need not be there for each
             info = called.info()
-            shared = [i in self.tiled and self.tiled[i][1] == info["f"].nnz_in(k) for k, i in enumerate(read)]
-            name, first = over_columns(info["f"], shared, self.module), f"i64 {info['n']}, "
+            each, count = info["f"], info["n"]
+            shared = [i in self.tiled and self.tiled[i][1] == each.nnz_in(j) for j, i in enumerate(read)]
+            name, first = over_columns(each, count, shared, self.module, summed), f"i64 {count}, "
             given = [self.tiled[i][0] if same else self._whole(i) for i, same in zip(read, shared, strict=True)]
+            sizes = [called.nnz_out(j) // count if total else called.nnz_out(j) for j, total in enumerate(summed)]
         else:
-            name, given = self.module.name_of(called), [self._whole(i) for i in read]
-        results = [self._new(to, called.nnz_out(j)) for j, to in enumerate(into)]
+            name, first, given = self.module.name_of(called), "", [self._whole(i) for i in read]
+            sizes = [called.nnz_out(j) for j in range(len(into))]
+        results = [self._new(to, size) for to, size in zip(into, sizes, strict=True)]
+        self.summed.update(to for to, total in zip(into, summed, strict=True) if total)
         pointers = ", ".join(f"ptr {pointer}" for pointer in [*given, *results])
         self.lines.append(f"  call void @{name}({first}{pointers})")
 
@@ -240,9 +294,14 @@ class _Graph:
 
     def _of_horzrepsum(self, node: ca.MX, read: list[int], into: list[int]) -> None:
         x, count, n = self._whole(read[0]), self.size[read[0]], node.nnz()
+        if read[0] in self.summed:
+            self._part(into[0], x, 0, n)
+            return
         there = self._new(into[0], n)
         self.lines.append(f"  call void @llvm.memset.p0.i64(ptr {there}, i8 0, i64 {8 * n}, i1 false)")
-        self._accumulate("summed", n, f"i64 {count // max(n, 1)}, ptr {there}, ptr {x}")
+        self._only(0 < n <= WIDEST, f"so many numbers as {n} are added to others")
+        self.module.loops[f"summed.{n}"] = _summed(n)
+        self.lines.append(f"  call void @summed.{n}(i64 {count // n}, ptr {there}, ptr {x})")
 
     def _of_mtimes(self, node: ca.MX, read: list[int], into: list[int]) -> None:
         (rows, columns), n = node.shape, node.dep(1).shape[1]
@@ -250,9 +309,12 @@ class _Graph:
         before, x, y = (self._whole(i) for i in read)
         there = self._new(into[0], node.nnz())
         self._copy(there, before, node.nnz())
-        for k in range(columns):
+        self._only(0 < rows <= WIDEST, f"so many numbers as {rows} are added to others")
+        for k in range(0, columns, TOGETHER):
+            some = min(TOGETHER, columns - k)
+            self.module.loops[f"multiplied.{rows}.{some}"] = _multiplied(rows, some)
             given = self._pointer(there, k * rows), x, self._pointer(y, k * n)
-            self._accumulate("multiplied", rows, f"i64 {n}, ptr {given[0]}, ptr {given[1]}, ptr {given[2]}")
+            self.lines.append(f"  call void @multiplied.{rows}.{some}(i64 {n}, ptr {given[0]}, ptr {given[1]}, ptr {given[2]})")
 
     def _of_reshape(self, node: ca.MX, read: list[int], into: list[int]) -> None:
         self._part(into[0], self._whole(read[0]), 0, node.nnz())
@@ -271,7 +333,7 @@ class _Graph:
         sizes = [self.size[i] for i in read]
         self._only(all(size in (1, count) for size in sizes), f"matrices of other sparsity meet in `{kind.lower()}`")
         operation = _of_entries(self.operation, len(read))
-        name = over_columns(operation, [size != count for size in sizes], self.module)
+        name = over_columns(operation, count, [size != count for size in sizes], self.module)
         given = [self._whole(i) for i in read]
         pointers = ", ".join(f"ptr {each}" for each in (*given, self._new(into[0], count)))
         self.lines.append(f"  call void @{name}(i64 {count}, {pointers})")
@@ -289,6 +351,7 @@ class _Graph:
         if register >= 0:
             self.at[register], self.size[register] = self._pointer(pointer, first), size
             self.tiled.pop(register, None)
+            self.summed.discard(register)
 
     def _whole(self, register: int) -> str:
         """Where its numbers are, all of them."""
@@ -318,11 +381,6 @@ class _Graph:
     def _loop(self, name: str, count: int, there: str, x: str, more: str) -> None:
         self.module.loops[name] = LOOPS[name]
         self.lines.append(f"  call void @{name}(i64 {count}, ptr {there}, ptr {x}, {more})")
-
-    def _accumulate(self, name: str, n: int, given: str) -> None:
-        self._only(0 < n <= WIDEST, f"so many numbers as {n} are added to others")
-        self.module.loops[f"{name}.{n}"] = _accumulated(n, name == "multiplied")
-        self.lines.append(f"  call void @{name}.{n}({given})")
 
     def _table(self, values: str) -> str:
         name = f"@self.c{len(self.tables)}"

@@ -1,12 +1,13 @@
 """LLVM's intermediate language, a piece at a time: numbers, single operations by CasADi's names, loops.
 
-No licence is given to change the arithmetic, so that machine code gives CasADi's own numbers to the last bit.
+No licence is given to change the arithmetic, so that machine code gives CasADi's own numbers to the last bit, but for the two
+things that `lowering.lanes` names.
 """
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -23,6 +24,10 @@ class Module(Protocol):
 
     def name_of(self, function: ca.Function) -> str:
         """The name of a function that is called, which is written if it is not yet."""
+        ...
+
+    def named(self, function: ca.Function, variant: tuple[int, ...], write: Callable[[], list[str]]) -> str:
+        """The same of what makes use of that function in one way or another."""
         ...
 
 
@@ -52,6 +57,9 @@ INTRINSICS: Mapping[str, str] = {
     "COPYSIGN": "copysign",
     "FLOOR": "floor",
     "CEIL": "ceil",
+    "FMIN": "minnum",
+    "FMAX": "maxnum",
+    "FMA": "fmuladd",  # a b + c, in one rounding where the processor has that; no operation of CasADi's
 }
 
 COMPARISONS: Mapping[str, str] = {"LT": "olt", "LE": "ole", "EQ": "oeq", "NE": "une"}
@@ -60,8 +68,6 @@ FUNCTIONS: Mapping[str, str] = {
     # of the C library, by CasADi's names
     "POW": "pow",
     "CONSTPOW": "pow",
-    "FMIN": "fmin",
-    "FMAX": "fmax",
     "ATAN2": "atan2",
     "FMOD": "fmod",
     "REMAINDER": "remainder",
@@ -75,7 +81,11 @@ FUNCTIONS: Mapping[str, str] = {
     },
 }
 
-TWO_OPERANDS = {"copysign", "pow", "fmin", "fmax", "atan2", "fmod", "remainder", "hypot"}
+OPERANDS: Mapping[str, int] = {
+    # where there is not one
+    **dict.fromkeys(("copysign", "minnum", "maxnum", "pow", "atan2", "fmod", "remainder", "hypot"), 2),
+    "fmuladd": 3,
+}
 
 
 def literal(value: float) -> str:
@@ -123,7 +133,7 @@ def declarations(kinds: Iterable[str]) -> list[str]:
 
 
 def _declaration(name: str, function: str, type: str) -> str:
-    return f"declare {type} @{name}({', '.join([type] * (1 + (function in TWO_OPERANDS)))}) nounwind"
+    return f"declare {type} @{name}({', '.join([type] * OPERANDS.get(function, 1))}) nounwind"
 
 
 @dataclass(frozen=True)
@@ -135,27 +145,35 @@ class Numbers:
     @property
     def type(self) -> str:
         """LLVM's name of it."""
-        return self._of("double")
+        return self.of("double")
 
     @property
     def truth(self) -> str:
         """The same of what is true or false."""
-        return self._of("i1")
+        return self.of("i1")
 
     @property
     def suffix(self) -> str:
         """What names of LLVM's own functions end with."""
         return "f64" if self.lanes is None else f"v{self.lanes}f64"
 
-    def _of(self, one: str) -> str:
+    def of(self, one: str) -> str:
+        """Of numbers of another type as many."""
         return one if self.lanes is None else f"<{self.lanes} x {one}>"
 
     def constant(self, value: float) -> str:
         """A number, everywhere the same."""
-        return literal(value) if self.lanes is None else f"<{', '.join([f'double {literal(value)}'] * self.lanes)}>"
+        return literal(value) if self.lanes is None else self.same(f"double {literal(value)}")
 
-    def instructions(self, k: int, kind: str, x: Sequence[str]) -> list[str]:
+    def same(self, one: str) -> str:
+        """Of several numbers: one everywhere, after its type."""
+        return f"<{', '.join([one] * (self.lanes or 1))}>"
+
+    def instructions(self, k: int | str, kind: str, x: Sequence[str], truths: set[str] | None = None) -> list[str]:
         """Register %a<k> from its operands.
+
+        What is true or false is 1 or 0 there as it is in CasADi, and in register %e<k> as a truth; `truths` are those
+        registers %a of which that is known, to which this one is added.
 
         Raises
         ------
@@ -171,19 +189,19 @@ class Numbers:
             return [f"  %a{k} = call {N} @llvm.{INTRINSICS[kind]}.{self.suffix}({given})"]
         if kind in FUNCTIONS:
             return self._calls(k, FUNCTIONS[kind], x)
-        if kind in COMPARISONS:
-            return [f"  %c{k} = fcmp {COMPARISONS[kind]} {N} {x[0]}, {x[1]}", f"  %a{k} = uitofp {B} %c{k} to {N}"]
-        if kind in ("AND", "OR"):
-            return [
-                f"  %c{k} = fcmp une {N} {x[0]}, {zero}",
-                f"  %d{k} = fcmp une {N} {x[1]}, {zero}",
-                f"  %e{k} = {kind.lower()} {B} %c{k}, %d{k}",
-                f"  %a{k} = uitofp {B} %e{k} to {N}",
-            ]
-        if kind == "NOT":
-            return [f"  %c{k} = fcmp oeq {N} {x[0]}, {zero}", f"  %a{k} = uitofp {B} %c{k} to {N}"]
+        truths = set() if truths is None else truths
+        if kind in COMPARISONS or kind in ("AND", "OR", "NOT"):
+            made = [f"  %e{k} = fcmp {COMPARISONS[kind]} {N} {x[0]}, {x[1]}"] if kind in COMPARISONS else []
+            if not made:
+                made, known = self._as_truths(k, x, truths)
+                true = "true" if self.lanes is None else self.same("i1 true")
+                operation, other = ("xor", true) if kind == "NOT" else (kind.lower(), known[-1])
+                made.append(f"  %e{k} = {operation} {B} {known[0]}, {other}")
+            truths.add(f"%a{k}")
+            return [*made, f"  %a{k} = uitofp {B} %e{k} to {N}"]
         if kind == "IF_ELSE_ZERO":
-            return [f"  %c{k} = fcmp une {N} {x[0]}, {zero}", f"  %a{k} = select {B} %c{k}, {N} {x[1]}, {N} {zero}"]
+            made, known = self._as_truths(k, x[:1], truths)
+            return [*made, f"  %a{k} = select {B} {known[0]}, {N} {x[1]}, {N} {zero}"]
         if kind == "SIGN":  # of zero and of what is no number: itself
             return [
                 f"  %c{k} = fcmp olt {N} {x[0]}, {zero}",
@@ -195,7 +213,16 @@ class Numbers:
             return [f"  %a{k} = select i1 true, {N} {x[0]}, {N} {zero}"]
         raise ValueError(f"the operation `{kind.lower()}` has no machine code")
 
-    def _calls(self, k: int, name: str, x: Sequence[str]) -> list[str]:
+    def _as_truths(self, k: int | str, x: Sequence[str], truths: set[str]) -> tuple[list[str], list[str]]:
+        """Instructions by which numbers are taken as truths, and the registers of these."""
+        lines, known = [], []
+        for j, each in enumerate(x):
+            known.append(f"%e{each[2:]}" if each in truths else f"%{'cd'[j]}{k}")
+            if each not in truths:
+                lines.append(f"  {known[-1]} = fcmp une {self.type} {each}, {self.constant(0.0)}")
+        return lines, known
+
+    def _calls(self, k: int | str, name: str, x: Sequence[str]) -> list[str]:
         """Of a function of the C library; nobuiltin: the very function, not what LLVM takes it for."""
         if self.lanes is None:
             return [f"  %a{k} = call double @{name}({', '.join(f'double {each}' for each in x)}) nobuiltin"]

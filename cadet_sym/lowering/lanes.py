@@ -1,128 +1,245 @@
 """A CasADi function for every column of its arguments, in LLVM's intermediate language: eight columns at a time.
 
-Every operation is that of the function itself, on eight numbers side by side, so that the bits are the same. Arguments may be
-shared by all columns.
+Every operation is that of the function itself, on eight numbers side by side, so that the bits are the same, but for two
+things that would take most of the time: exponentials and their like are those of `lowering.vectors`, and where columns are
+summed, eight sums are taken side by side, and added in the end. Nothing depends on where among the eight a column is: where
+their number is no multiple of eight, the last eight begin before the others end.
+
+Arguments may be shared by all columns; what follows from these alone is found once.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 
 import casadi as ca
 
 from cadet_sym.lowering.instructions import SEVERAL, Module, arguments, counted
-from cadet_sym.lowering.operations import Entry, Operation, operations
+from cadet_sym.lowering.operations import Entry, Operation, kinds, operations
+from cadet_sym.lowering.vectors import VECTORS, vector
 
-__all__ = ["over_columns"]
+__all__ = ["over_columns", "side_by_side"]
 
 LONGEST = 2000
 """Operations of a function up to which this is worth the time to compile it."""
 
+IN_PLACE = 8
+"""Exponentials of a function up to which they are written where they are; of more, each is a call."""
 
-def over_columns(function: ca.Function, shared: Sequence[bool], module: Module) -> str:
-    """The name of a function (count, ...), which calls one for so many columns; pointers to what is shared stay."""
+N, LANES = SEVERAL.type, SEVERAL.lanes or 1
+
+
+def side_by_side(function: ca.Function) -> bool:
+    """Whether a function can be written for eight columns at a time."""
+    return function.is_a("SXFunction") and function.n_instructions() <= LONGEST and not function.find_functions(0)
+
+
+def over_columns(
+    function: ca.Function, count: int, shared: Sequence[bool], module: Module, summed: Sequence[bool] = ()
+) -> str:
+    """The name of a function (count, ...), which calls one for so many columns.
+
+    Pointers to what is shared stay. Of what is summed only the sum is written; the function must be one to be taken
+    `side_by_side`.
+    """
+    few = min(count, LANES)
+    if side_by_side(function) and (few == LANES or any(summed) or not VECTORS.keys().isdisjoint(_kinds(function))):
+        variant = few, *shared, *summed
+        summed = summed or [False] * function.n_out()
+        return module.named(function, variant, lambda: _Lanes(function, few, shared, summed, module).text())
+    return _one_by_one(function, shared, module)
+
+
+def _kinds(function: ca.Function) -> set[str]:
+    names = kinds()
+    return {names[function.instruction_id(k)] for k in range(function.n_instructions())}
+
+
+def _one_by_one(function: ca.Function, shared: Sequence[bool], module: Module) -> str:
+    """The same by calls, one after the other."""
     called = module.name_of(function)
     name = f"{called}.over{''.join(str(int(each)) for each in shared)}"
-    if name in module.loops:
-        return name
-    sizes = [0 if same else function.nnz_in(k) for k, same in enumerate(shared)]
-    sizes += [function.nnz_out(k) for k in range(function.n_out())]
-    lanes = SEVERAL.lanes
-    assert lanes is not None
-    if not (function.is_a("SXFunction") and function.n_instructions() <= LONGEST and not function.find_functions(0)):
-        module.loops[name] = _loop(function, name, called, sizes)
-        return name
-    given = arguments(function)
-    module.loops[f"{name}.one"] = _loop(function, f"{name}.one", called, sizes)
-    module.loops[f"{name}.eight"] = _several(function, shared, f"{name}.eight", module)
-    module.loops[f"{name}.eights"] = _loop(function, f"{name}.eights", f"{name}.eight", [lanes * size for size in sizes])
-    module.loops[name] = "\n".join(
-        [
-            f"define internal void @{name}(i64 %count, {given}) nounwind {{",
-            f"  %times = sdiv i64 %count, {lanes}",
-            f"  call void @{name}.eights(i64 %times, {given})",
-            f"  %done = mul i64 %times, {lanes}",
-            "  %rest = sub i64 %count, %done",
-            *_advanced(given, "%done", sizes),
-            f"  call void @{name}.one(i64 %rest, {_pointers(len(sizes))})",
-            "  ret void",
-            "}\n",
-        ]
-    )
+    if name not in module.loops:
+        sizes = [0 if same else function.nnz_in(k) for k, same in enumerate(shared)]
+        sizes += [function.nnz_out(k) for k in range(function.n_out())]
+        given = arguments(function).split(", ")
+        advanced = [line for pointer, size in zip(given, sizes, strict=True) for line in _advanced(pointer[5:], "%k", size)]
+        pointers = ", ".join(f"ptr %{pointer[5:]}p" for pointer in given)
+        module.loops[name] = counted(name, given, [*advanced, f"  call void @{called}({pointers})"])
     return name
 
 
-def _loop(function: ca.Function, name: str, called: str, sizes: Sequence[int]) -> str:
-    given = arguments(function)
-    call = f"  call void @{called}({_pointers(len(sizes))})"
-    return counted(name, given.split(", "), [*_advanced(given, "%k", sizes), call])
+def _advanced(pointer: str, columns: str, size: int) -> Iterator[str]:
+    """Pointer %...p, so many columns further on."""
+    yield f"  %{pointer}f = mul i64 {columns}, {size}"
+    yield f"  %{pointer}p = getelementptr double, ptr %{pointer}, i64 %{pointer}f"
 
 
-def _advanced(given: str, columns: str, sizes: Sequence[int]) -> Iterator[str]:
-    """Pointers %p0, %p1, ... so many columns further on."""
-    for k, (pointer, size) in enumerate(zip(given.split(", "), sizes, strict=True)):
-        yield f"  %f{k} = mul i64 {columns}, {size}"
-        yield f"  %p{k} = getelementptr double, {pointer}, i64 %f{k}"
+class _Lanes:
+    """Writes the operations on eight columns, or on all if they are fewer; those on shared numbers before the others."""
 
+    def __init__(
+        self, function: ca.Function, columns: int, shared: Sequence[bool], summed: Sequence[bool], module: Module
+    ) -> None:
+        self.function, self.columns, self.shared, self.summed, self.module = function, columns, shared, summed, module
+        self.steps = operations(function)
+        self.uses = Counter(step.kind for step in self.steps)
+        module.kinds.update(self.uses.keys() - VECTORS.keys())
+        self.before: list[str] = []
+        self.lines: list[str] = []
+        self.loaded: dict[Entry, str] = {}
+        self.same: set[int] = set()  # operations on shared numbers alone
+        self.truths: set[str] = set()
+        self.sums: list[tuple[int, Entry]] = []  # the operation that gives what is summed, and where that belongs
 
-def _pointers(count: int) -> str:
-    return ", ".join(f"ptr %p{k}" for k in range(count))
-
-
-def _several(function: ca.Function, shared: Sequence[bool], name: str, module: Module) -> str:
-    """The text of the function for eight columns."""
-    steps = operations(function)
-    module.kinds.update(step.kind for step in steps)
-    lines = [f"define internal void @{name}({arguments(function)}) nounwind {{"]
-    loaded: dict[Entry, str] = {}
-    for k, step in enumerate(steps):
-        values = []
-        for operand in step.operands:
-            if isinstance(operand, Entry):
-                if operand not in loaded:
-                    loaded[operand] = f"%l{len(loaded)}"
-                    size = 0 if shared[operand.vector] else function.nnz_in(operand.vector)
-                    lines += _load(loaded[operand], operand, size)
-                values.append(loaded[operand])
+    def text(self) -> list[str]:
+        for k, step in enumerate(self.steps):
+            if step.kind == "OUTPUT":
+                self._output(k, step)
             else:
-                values.append(f"%a{operand}" if type(operand) is int else SEVERAL.constant(operand))
-        if step.kind == "OUTPUT":
-            lines += _store(k, step, values[0], function)
+                self._operation(k, step)
+        head = f"define internal void @self(i64 %count, {arguments(self.function)}) nounwind {{"
+        columns = self._loop() if self.columns == LANES else self._once()
+        ends = [line for k, entry in self.sums for line in _total(k, entry)]
+        return [head, "start:", *self.before, *columns, *ends, "  ret void", "}"]
+
+    # -- the columns ------------------------------------------------------------------------------------------
+
+    def _loop(self) -> Iterator[str]:
+        """Eight by eight; the last eight begin where eight are left, and of them what is new is summed."""
+        yield f"  %last = sub i64 %count, {LANES}"
+        yield "  br label %columns"
+        yield "columns:"
+        yield "  %k = phi i64 [0, %start], [%next, %columns]"
+        yield from (f"  %b{k} = phi {N} [zeroinitializer, %start], [%t{k}, %columns]" for k, _ in self.sums)
+        yield "  %few = icmp sgt i64 %k, %last"
+        yield "  %first = select i1 %few, i64 %last, i64 %k"
+        if self.sums:
+            yield "  %again = sub i64 %k, %first"
+            yield from _everywhere("%known", "i64", "%again")
+            yield f"  %new = icmp sge {SEVERAL.of('i64')} <{', '.join(f'i64 {i}' for i in range(LANES))}>, %known"
+        yield from self._pointers("%first")
+        yield from self.lines
+        yield f"  %next = add i64 %k, {LANES}"
+        yield "  %more = icmp slt i64 %next, %count"
+        yield "  br i1 %more, label %columns, label %end"
+        yield "end:"
+
+    def _once(self) -> Iterator[str]:
+        """All of them: the other numbers of the eight are those of the first column, and go nowhere."""
+        yield from (f"  %b{k} = select i1 true, {N} zeroinitializer, {N} zeroinitializer" for k, _ in self.sums)
+        if self.sums:
+            known = ", ".join(f"i1 {int(i < self.columns)}" for i in range(LANES))
+            yield f"  %new = select i1 true, {SEVERAL.truth} <{known}>, {SEVERAL.truth} zeroinitializer"
+        yield from self._pointers("0")
+        yield from self.lines
+
+    def _pointers(self, first: str) -> Iterator[str]:
+        for k, same in enumerate(self.shared):
+            if not same:
+                yield from _advanced(f"i{k}", first, self.function.nnz_in(k))
+        for k, only_sum in enumerate(self.summed):
+            if not only_sum:
+                yield from _advanced(f"o{k}", first, self.function.nnz_out(k))
+
+    # -- operations -------------------------------------------------------------------------------------------
+
+    def _operation(self, k: int, step: Operation) -> None:
+        values = [self._value(operand) for operand in step.operands]
+        if all(self._is_same(operand) for operand in step.operands):
+            self.same.add(k)
+        lines = self.before if k in self.same else self.lines
+        if step.kind in VECTORS:
+            lines += vector(k, step.kind, values[0], self.module, in_place=self.uses[step.kind] <= IN_PLACE)
         else:
-            lines += SEVERAL.instructions(k, step.kind, values)
-    return "\n".join([*lines, "  ret void", "}\n"])
+            lines += SEVERAL.instructions(k, step.kind, values, self.truths)
+
+    def _is_same(self, operand: int | float | Entry) -> bool:
+        if isinstance(operand, Entry):
+            return self.shared[operand.vector]
+        return operand in self.same if type(operand) is int else True
+
+    def _value(self, operand: int | float | Entry) -> str:
+        if not isinstance(operand, Entry):
+            return f"%a{operand}" if type(operand) is int else SEVERAL.constant(operand)
+        if operand not in self.loaded:
+            self.loaded[operand] = register = f"%l{len(self.loaded)}"
+            if self.shared[operand.vector]:
+                self.before += _load_shared(register, operand)
+            else:
+                self.lines += self._load(register, operand)
+        return self.loaded[operand]
+
+    def _load(self, register: str, entry: Entry) -> Iterator[str]:
+        size, few = self.function.nnz_in(entry.vector), self.columns
+        if size == 1:
+            there = register if few == LANES else f"{register}v"
+            yield f"  {there} = load <{few} x double>, ptr %i{entry.vector}p, align 8"
+            if few < LANES:
+                yield _reordered(register, few, there, [i if i < few else 0 for i in range(LANES)])
+            return
+        so_far = "poison"
+        for i in range(LANES):
+            there = register if i == LANES - 1 else f"{register}.{i}"
+            if i < few:
+                yield f"  {register}p{i} = getelementptr double, ptr %i{entry.vector}p, i64 {entry.index + i * size}"
+                yield f"  {register}v{i} = load double, ptr {register}p{i}"
+            yield f"  {there} = insertelement {N} {so_far}, double {register}v{i if i < few else 0}, i64 {i}"
+            so_far = there
+
+    def _output(self, k: int, step: Operation) -> None:
+        entry, value = step.entry, self._value(step.operands[0])
+        assert entry is not None
+        if self.summed[entry.vector]:
+            self.sums.append((k, entry))
+            self.lines.append(f"  %n{k} = select {SEVERAL.truth} %new, {N} {value}, {N} zeroinitializer")
+            self.lines.append(f"  %t{k} = fadd {N} %b{k}, %n{k}")
+        else:
+            self.lines += self._store(k, entry, value)
+
+    def _store(self, k: int, entry: Entry, value: str) -> Iterator[str]:
+        size, few = self.function.nnz_out(entry.vector), self.columns
+        if size == 1:
+            if few < LANES:
+                yield _reordered(f"%f{k}", LANES, value, range(few))
+            yield f"  store <{few} x double> {value if few == LANES else f'%f{k}'}, ptr %o{entry.vector}p, align 8"
+            return
+        for i in range(few):
+            yield f"  %f{k}.{i} = extractelement {N} {value}, i64 {i}"
+            yield f"  %s{k}.{i} = getelementptr double, ptr %o{entry.vector}p, i64 {entry.index + i * size}"
+            yield f"  store double %f{k}.{i}, ptr %s{k}.{i}"
 
 
-def _load(register: str, entry: Entry, size: int) -> Iterator[str]:
-    """An entry of eight columns that are so far apart."""
-    N, lanes, so_far = SEVERAL.type, SEVERAL.lanes or 1, "poison"
-    pointer = f"%i{entry.vector}"
-    if size == 1:
-        yield f"  {register} = load {N}, ptr {pointer}, align 8"
-        return
-    if size == 0:
-        yield f"  {register}p = getelementptr double, ptr {pointer}, i64 {entry.index}"
-        yield f"  {register}v = load double, ptr {register}p"
-        yield f"  {register}i = insertelement {N} poison, double {register}v, i64 0"
-        yield f"  {register} = shufflevector {N} {register}i, {N} poison, <{lanes} x i32> zeroinitializer"
-        return
-    for i in range(lanes):
-        there = register if i == lanes - 1 else f"{register}.{i}"
-        yield f"  {register}p{i} = getelementptr double, ptr {pointer}, i64 {entry.index + i * size}"
-        yield f"  {register}v{i} = load double, ptr {register}p{i}"
-        yield f"  {there} = insertelement {N} {so_far}, double {register}v{i}, i64 {i}"
-        so_far = there
+def _everywhere(register: str, one: str, value: str) -> Iterator[str]:
+    """A number eight times."""
+    every = SEVERAL.of(one)
+    yield f"  {register}i = insertelement {every} poison, {one} {value}, i64 0"
+    yield f"  {register} = shufflevector {every} {register}i, {every} poison, <{LANES} x i32> zeroinitializer"
 
 
-def _store(k: int, step: Operation, value: str, function: ca.Function) -> Iterator[str]:
-    """An entry of eight columns of a result."""
-    entry, N = step.entry, SEVERAL.type
-    assert entry is not None
-    size = function.nnz_out(entry.vector)
-    if size == 1:
-        yield f"  store {N} {value}, ptr %o{entry.vector}, align 8"
-        return
-    for i in range(SEVERAL.lanes or 1):
-        yield f"  %e{k}.{i} = extractelement {N} {value}, i64 {i}"
-        yield f"  %s{k}.{i} = getelementptr double, ptr %o{entry.vector}, i64 {entry.index + i * size}"
-        yield f"  store double %e{k}.{i}, ptr %s{k}.{i}"
+def _load_shared(register: str, entry: Entry) -> Iterator[str]:
+    yield f"  {register}p = getelementptr double, ptr %i{entry.vector}, i64 {entry.index}"
+    yield f"  {register}v = load double, ptr {register}p"
+    yield from _everywhere(register, "double", f"{register}v")
+
+
+def _reordered(register: str, count: int, value: str, which: Sequence[int]) -> str:
+    """Some of so many numbers."""
+    order = ", ".join(f"i32 {i}" for i in which)
+    return f"  {register} = shufflevector <{count} x double> {value}, <{count} x double> poison, <{len(which)} x i32> <{order}>"
+
+
+def _total(k: int, entry: Entry) -> Iterator[str]:
+    """What is left of eight sums: half of them added to the others, and again."""
+    value, count = f"%t{k}", LANES
+    while count > 1:
+        half = count // 2
+        low, high = f"%g{k}.{half}", f"%h{k}.{half}"
+        yield _reordered(low, count, value, range(half))
+        yield _reordered(high, count, value, range(half, count))
+        value, count = f"%u{k}.{half}", half
+        yield f"  {value} = fadd <{half} x double> {low}, {high}"
+    yield f"  %v{k} = extractelement <1 x double> {value}, i64 0"
+    yield f"  %w{k} = getelementptr double, ptr %o{entry.vector}, i64 {entry.index}"
+    yield f"  store double %v{k}, ptr %w{k}"

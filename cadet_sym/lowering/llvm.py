@@ -44,26 +44,31 @@ class _Module:
         self.kinds: set[str] = set()
         self.loops: dict[str, str] = {}
         self.texts: dict[str, str] = {}  # by name; what is called stands before what calls it
-        self.known: dict[int, tuple[str, ca.Function]] = {}  # by CasADi's hash, which is good while the function is there
+        # by CasADi's hash, which is good while the function is there, and by what was made of it
+        self.known: dict[tuple[int, ...], tuple[str, ca.Function]] = {}
 
     def text(self, function: ca.Function, name: str) -> str:
         """All of it, with a function that is called from elsewhere."""
-        whole = self._written(function).replace("define internal void @self(", "define void @self(")
+        whole = "\n".join(self._written(function)).replace("define internal void @self(", "define void @self(")
         whole = whole.replace("@self", f"@{name}")
         return "\n".join([PRELUDE, *declarations(self.kinds), *self.loops.values(), *self.texts.values(), whole])
 
     def name_of(self, function: ca.Function) -> str:
         """The name of a function that is called, which is written if it is not yet."""
-        key = hash(function)
+        return self.named(function, (), lambda: self._written(function))
+
+    def named(self, function: ca.Function, variant: tuple[int, ...], write: Callable[[], list[str]]) -> str:
+        """The same of what makes use of that function in one way or another."""
+        key = hash(function), *variant
         if key not in self.known:
-            text = self._written(function)
+            text = "\n".join(write()) + "\n"
             name = f"{function.name()}.{hashlib.sha256(text.encode()).hexdigest()[:16]}"
             self.known[key] = name, function
             self.texts[name] = text.replace("@self", f"@{name}")
         return self.known[key][0]
 
-    def _written(self, function: ca.Function) -> str:
+    def _written(self, function: ca.Function) -> list[str]:
         writer = WRITERS.get(function.class_name())
         if writer is None:
             raise ValueError(f"`{function.name()}`, a {function.class_name()}, has no machine code")
-        return "\n".join(writer(function, self)) + "\n"
+        return writer(function, self)

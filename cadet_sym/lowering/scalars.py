@@ -58,6 +58,7 @@ class _Writer:
     def block(self, block: range) -> list[str]:
         """The instructions of one block."""
         self.within, self.lines, self.loaded = block, [], {}
+        truths: set[str] = set()
         for k in block:
             kind, operands, entry, called = self.steps[k]
             values = [self._value(operand) for operand in operands]
@@ -72,7 +73,7 @@ class _Writer:
                 before = self.steps[entry.vector]
                 self._load(f"%a{k}", "%w", self.room[entry.vector] + len(before.operands) + entry.index)
             else:
-                self.lines += ONE.instructions(k, kind, values)
+                self.lines += ONE.instructions(k, kind, values, truths)
             if k in self.places:
                 self._store(f"%s{k}", f"%a{k}", "%w", self.places[k])
         return self.lines
