@@ -47,7 +47,7 @@ LEFT = 1e-14
 """... this; beyond the last the pairs are taken one by one."""
 
 STEPS = 8
-"""Terms that are found by one call; the numbers of terms are multiples of it."""
+"""Terms that are found by one call; the numbers of terms are this times a power of two."""
 
 START, PAIR = 15, 40
 """Cost of a term and of a pair in kinks: a term costs START and one for every kink."""
@@ -229,23 +229,35 @@ def _added(function: ca.Function, times: int, same: list[Any], columns: list[Any
 
 @lru_cache(maxsize=64)
 def _kink_sums(count: int, n: int, a: int) -> ca.Function:
-    """Sums over kinks of their changes times phi h_i, i < count, by h_(i+1) = (u h_i - sqrt(i) h_(i-1)) / sqrt(i + 1)."""
+    """Sums over kinks of their changes times phi h_i, i < count."""
     at, kink = _symbols(2, 1)
     away = clipped((at[0] - kink) / ca.sqrt(at[1] + FLOOR))
     start = ca.Function("start", [at, kink], [away, density(away)]).map("starts", "serial", n, [0], [])
-    state, x, rows, roots = _symbols((n, 2), n, (a, n), (2, STEPS), kind=ca.MX)
-    (h, before), columns = ca.horzsplit(state), []
-    for i in range(STEPS):
-        columns.append(h)
-        h, before = (x * h - roots[0, i] * before) / roots[1, i], h
-    results = [ca.horzcat(h, before), ca.mtimes(rows, ca.horzcat(*columns))]
-    steps, calls = ca.Function("steps", [state, x, rows, roots], results), count // STEPS
     at, k, u = _symbols(2, n, (n, a), kind=ca.MX)
     x, first = (ca.vec(row) for row in start(at, k.T))
-    same = [ca.repmat(x, 1, calls), ca.repmat(u.T, 1, calls)]
-    numbers = np.sqrt([range(count), range(1, count + 1)])  # given as numbers: at 0 a root has no derivative
-    _, sums = steps.mapaccum("recurrence", calls, {"base": 2})(ca.horzcat(first, ca.MX.zeros(n)), *same, ca.DM(numbers))
+    i = np.arange(count)
+    factors = ca.DM(np.array([1 / np.sqrt(i + 1), np.sqrt(i / (i + 1))]))  # given as numbers: at 0 a root has no derivative
+    _, _, sums = _recurrence(count, n, a)(first, ca.MX.zeros(n), x, u.T, factors)
     return ca.Function("kink_sums", [at, k, u], [sums])
+
+
+@lru_cache(maxsize=64)
+def _recurrence(count: int, n: int, a: int) -> ca.Function:
+    """So many steps of h_(i+1) = (u h_i - sqrt(i) h_(i-1)) / sqrt(i + 1), of which twice as many are two calls.
+
+    (h, that before it, u, changes, factors) -> both after them, sums of the changes times those met.
+    """
+    h, before, x, rows, factors = given = _symbols(n, n, n, (a, n), (2, count), kind=ca.MX)
+    if count > STEPS:
+        half, middle = _recurrence(count // 2, n, a), count // 2
+        h, before, first = half(h, before, x, rows, factors[:, :middle])
+        h, before, second = half(h, before, x, rows, factors[:, middle:])
+        return ca.Function(f"recurrence{count}", given, [h, before, ca.horzcat(first, second)])
+    met = []
+    for i in range(count):
+        met.append(h)
+        h, before = factors[0, i] * x * h - factors[1, i] * before, h
+    return ca.Function("recurrence", given, [h, before, ca.mtimes(rows, ca.horzcat(*met))])
 
 
 @lru_cache(maxsize=16)
@@ -256,7 +268,7 @@ def _regular(n: int, a: int) -> ca.Function:
     smooth = ca.Function("smooth", [at, c, p], [_derivatives(p, lambda i: moment(i, 0))])
     at, k, u = _symbols(2, 1, a)
     beyond = Gaussian(at[0], at[1], {K: k})
-    tails = ca.Function("tails", [at, k, u], [_derivatives(u, lambda i: beyond.tail_moment(K, i))])
+    tails = ca.Function("tails", [at, k, u], [ca.cse(_derivatives(u, lambda i: beyond.tail_moment(K, i)))])
     at, c, p, k, u = _symbols(2, 1, a, n, (n, a), kind=ca.MX)
     total = smooth(at, c, p)
     if n:
@@ -284,13 +296,14 @@ def _polynomials(a: int, b: int) -> ca.Function:
 def _tail(a: int, b: int) -> ca.Function:
     here, d, q, k, u = _symbols(5, 1, b, 1, a)
     tail = _pair(here, {K: k, D: d}).tail(K)
-    return ca.Function("tail", [here, d, q, k, u], [_three(u, q, lambda i, j: tail.moment(i, D, j))])
+    return ca.Function("tail", [here, d, q, k, u], [ca.cse(_three(u, q, lambda i, j: tail.moment(i, D, j)))])
 
 
 @lru_cache(maxsize=16)
 def _corner(a: int, b: int) -> ca.Function:
     here, k, u, l, v = _symbols(5, 1, a, 1, b)
-    return ca.Function("corner", [here, k, u, l, v], [_three(u, v, _pair(here, {K: k, L: l}).corner(K, L).moment)])
+    total = _three(u, v, _pair(here, {K: k, L: l}).corner(K, L).moment)
+    return ca.Function("corner", [here, k, u, l, v], [ca.cse(total)])
 
 
 def _symbols(*shapes: int | tuple[int, int], kind: type[Any] = ca.SX) -> list[Any]:

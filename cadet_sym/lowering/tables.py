@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
+import numpy.typing as npt
 import sympy as sp
 
 from cadet_sym.expectation.panels import legendre
@@ -189,18 +191,23 @@ def _sum_over_rows(table: Table, orders: int) -> ca.Function:
     at = ca.MX.sym("at", 3)
     knots, changes, segments = (np.array(each) for each in (table.knots, table.changes, table.segments))
     present = tuple(int(n) for n in np.flatnonzero(np.any(changes != 0, axis=0)))
-    row = _row(table.degree, orders).map("rows", "serial", len(segments), [4], [0])
-    knot = _knot(present, orders).map("knots", "serial", len(knots), [2], [0])
     low, high = np.append(-np.inf, knots), np.append(knots, np.inf)
-    total = row(*(ca.DM(each).T for each in (low, high, table.centres, segments)), at)
-    return ca.Function("curve", [at], [total + knot(ca.DM(knots).T, ca.DM(changes[:, list(present)]).T, at)])
+    rows = _over(_row(table.degree, orders), at, [low, high, table.centres, *segments.T])
+    return ca.Function("curve", [at], [rows + _over(_knot(present, orders), at, [knots, *changes[:, list(present)].T])])
+
+
+def _over(function: ca.Function, at: ca.MX, columns: Sequence[npt.ArrayLike]) -> ca.MX:
+    """The sum of a function of `at` and a number of each column over these; every column is an argument of its own."""
+    count = np.size(columns[0])
+    total = function.map(f"{function.name()}s", "serial", count, [0], [0])
+    return total(at, *(ca.DM(np.array(each)).T for each in columns))
 
 
 @lru_cache(maxsize=16)
 def _row(degree: int, orders: int) -> ca.Function:
-    """(low, high, centre, polynomial, at) -> E of the polynomial and its derivatives, if the mean is from low up to high."""
-    low, high, centre = ca.SX.sym("low"), ca.SX.sym("high"), ca.SX.sym("centre")
-    own, at = ca.SX.sym("polynomial", degree + 1), ca.SX.sym("at", 3)
+    """(at, low, high, centre, coefficients) -> E of a polynomial and its derivatives, if the mean is from low up to high."""
+    at, low, high, centre = ca.SX.sym("at", 3), ca.SX.sym("low"), ca.SX.sym("high"), ca.SX.sym("centre")
+    own = [ca.SX.sym(f"c{n}") for n in range(degree + 1)]
     here = ca.logic_and(at[0] >= low, at[0] < high)
     h = ca.if_else(here, at[0] - centre, 0)
     powers = [ca.SX(1), h]
@@ -210,14 +217,14 @@ def _row(degree: int, orders: int) -> ca.Function:
         sum((math.perm(n, order) * own[n] * powers[n - order] for n in range(order, degree + 1)), start=ca.SX(0))
         for order in range(orders)
     ]
-    return ca.Function("row", [low, high, centre, own, at], [ca.if_else(here, ca.vertcat(*values), 0)])
+    return ca.Function("row", [at, low, high, centre, *own], [ca.cse(ca.if_else(here, ca.vertcat(*values), 0))])
 
 
 @lru_cache(maxsize=16)
 def _knot(present: tuple[int, ...], orders: int) -> ca.Function:
-    """(knot, changes in these powers, at) -> what the changes add to E and its derivatives."""
-    knot, own, at = ca.SX.sym("knot"), ca.SX.sym("changes", len(present)), ca.SX.sym("at", 3)
-    s, change = at[2], {n: own[k] for k, n in enumerate(present)}
+    """(at, knot, changes in these powers) -> what the changes add to E and its derivatives."""
+    at, knot, own = ca.SX.sym("at", 3), ca.SX.sym("knot"), [ca.SX.sym(f"c{n}") for n in present]
+    s, change = at[2], dict(zip(present, own, strict=True))
     u = clipped((at[0] - knot) / s)
     side, degree = ca.if_else(u >= 0, -1, 1), max(present, default=0)
     ratios = [r.real for r in mills_moments(Complex(magnitude(u)), degree + 1)]
@@ -233,4 +240,4 @@ def _knot(present: tuple[int, ...], orders: int) -> ca.Function:
                 i = order - 1 - j
                 total += math.factorial(j) * change[j] * (-1) ** i * hermite(u, i) / s ** (i + 1)
         totals.append(density(u) * total)
-    return ca.Function("knot", [knot, own, at], [ca.densify(ca.vertcat(*totals))])
+    return ca.Function("knot", [at, knot, *own], [ca.cse(ca.densify(ca.vertcat(*totals)))])
