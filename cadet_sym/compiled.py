@@ -255,7 +255,7 @@ class CompiledModel:
         initial : states, whose mean at the start, and pairs of states, whose covariance at the start adds a column each.
         moment : "variance" or "mean".
         method : "forward" integrates a column a parameter with the moments, "adjoint" one run backwards a time; "auto"
-            takes the adjoint for many more parameters than times where runs are not explicit machine code, and forward
+            takes the adjoint for many more parameters than times where runs are not machine code, and forward
             where the adjoint gives up.
         values : parameters in place of the declared ones.
 

@@ -352,7 +352,7 @@ def test_a_stiff_run_as_machine_code_is_the_one_of_python():
     work, found = np.zeros(1 + backward.VECTORS * 2 + improved.MATRICES + 2 + 150), np.zeros(4)
     tolerance, inverse = (stiff.tolerance.size, 1e-5, 1e-2), (form.matrices, form.modes, form.pairs)
     status = backward.carry(
-        rate, multiplied, grid, 2, y.copy(), 2, 1, np.zeros(1), *tolerance, 1.0, 1000, *inverse, work, found, state
+        rate, multiplied, grid, 2, y.copy(), 2, 1, np.zeros(1), *tolerance, 1.0, 1000, *inverse, work, found, state, 1
     )
     assert status == 0
     assert state[4] == stiff.steps

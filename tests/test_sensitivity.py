@@ -7,12 +7,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+import sympy as sp
 from conftest import ROOT
 from reference_models import toml
 
 import cadet_sym as cs
 from cadet_sym.errors import ModelError, SolverError
+from cadet_sym.lowering.structured import structured_rate
 from cadet_sym.solve import sensitivity, variational
+from cadet_sym.solve.onset import Onset
 from cadet_sym.solve.transient import Start, integrate
 
 CHAIN = """
@@ -141,7 +144,28 @@ squared = "(z - h)**2"
 duration = 2.0
 """
 
-MODELS = {"chain": CHAIN, "wheels": WHEELS, "three wheels": THREE_WHEELS, "pulse": PULSE, "steps": STEPS}
+STIFF = """
+name = "a stiff chain with friction"
+[parameters]
+k = 4.0
+c = 2000.0
+mu = 0.3
+q = 0.5
+[rates]
+x = "v"
+v = "-k*x - c*(v - u) - 0.2*x**3"
+y = "u"
+u = "-5*y - c*(u - v) - mu*tanh(20*u) - 8*z"
+z = "-3e4*(z - y*abs(y)) + w"
+[noise]
+w = "q"
+[initial.covariance]
+"x,x" = 0.2
+[run]
+duration = 3.0
+"""
+
+MODELS = {"chain": CHAIN, "wheels": WHEELS, "three wheels": THREE_WHEELS, "pulse": PULSE, "steps": STEPS, "stiff": STIFF}
 
 
 def compiled_model(which: str) -> cs.CompiledModel:
@@ -161,6 +185,60 @@ def test_derivatives_in_machine_code_have_the_rates_of_single_terms(which):
         run(np.array([t]).ctypes.data, z.ctypes.data, p.ctypes.data, found.ctypes.data)
         expected = np.asarray(variational.variational_rate(compiled.functions, columns)(t, z, p)).ravel()
         np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-12 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("times", [[3.0], [0.01, 0.4, 1.0]])
+def test_derivatives_of_a_stiff_run_in_machine_code_are_those_of_sundials(times, monkeypatch):
+    compiled, given = compiled_model("stiff"), []
+    carry = sensitivity.march_slopes
+    monkeypatch.setattr(sensitivity, "march_slopes", lambda *given_: given.append(given_[-1]) or carry(*given_))
+    by_code = compiled.gradient("x", times=times, initial=[("x", "x"), "v"])
+    assert set(given) == {"stiff"}
+    monkeypatch.setattr(sensitivity, "march_slopes", lambda *_: None)
+    by_cvodes = compiled.gradient("x", times=times, initial=[("x", "x"), "v"])
+    scale = np.abs(by_cvodes).max(axis=0)
+    assert np.abs(by_code - by_cvodes).max(axis=0) == pytest.approx(0 * scale, abs=1e-6 * scale.max())
+    assert (np.abs(by_code - by_cvodes) <= 1e-6 * scale + 1e-9 * scale.max()).all()
+    assert not np.array_equal(by_code, by_cvodes), "they were found in two ways"
+
+
+@pytest.mark.parametrize("which", ["oleo_acceleration", "van_der_pol", "quarter_car_damper", "stiff", "chain"])
+def test_derivatives_in_products_of_matrices_are_those_of_single_terms(which):
+    """Of large models those."""
+    compiled, columns = compiled_model(which), (1, -1, 0)
+    functions, y = compiled.functions, compiled.initial()
+    p = np.append(compiled.parameter_vector(), 0.0)
+    z = np.concatenate([y, 0 * y, 0 * y, 0 * y]) + 1e-2 * np.random.default_rng(0).normal(size=4 * len(y))
+    directions = variational._directions(functions, columns)
+    code, found = structured_rate(functions.ingredients, None, "slopes", directions), np.full_like(z, np.nan)
+    for t in (0.0, 1.7):
+        code.function("slopes", *[ctypes.c_void_p] * 4)(*(each.ctypes.data for each in (np.array([t]), z, p, found)))
+        expected = np.asarray(variational.variational_rate(functions, columns)(t, z, p[:-1])).ravel()
+        np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-12 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize(("damping", "kind"), [(0.2, "native"), (20_000, "stiff")])
+def test_derivatives_of_a_large_model_are_differences_of_runs(damping, kind, monkeypatch):
+    """Without its terms being named: 40 masses in a row, the first on a cubic spring."""
+    n = 40
+    x, v, w, k = sp.symbols(f"x1:{n + 1}"), sp.symbols(f"v1:{n + 1}"), sp.Symbol("w"), sp.Symbol("k")
+    rates: dict[sp.Symbol, sp.Expr] = {}
+    for i in range(n):
+        stretch = x[i] - (x[i - 1] if i else 0)
+        after = x[i + 1] - x[i] if i + 1 < n else 0
+        drag = sp.Float(damping if i > n // 2 else 0.2) * v[i]
+        rates[x[i]], rates[v[i]] = v[i], k * (after - stretch) - drag + w - (x[0] ** 3 if i == 0 else 0)
+    noise = cs.Noise(names=("w",), intensity=sp.eye(1))
+    model = cs.Model(cs.Vehicle(rates=rates), noise=noise, parameters={"k": cs.Parameter(sp.Float(1.5))}, duration=2)
+    compiled, kinds = cs.compile(model), []
+    carry = sensitivity.march_slopes
+    monkeypatch.setattr(sensitivity, "march_slopes", lambda *given: kinds.append(given[-1]) or carry(*given))
+    found = compiled.gradient(("x1", "v2"), ["k"], times=[0.5, 2.0])[:, 0]
+    assert compiled.functions.large
+    assert kinds == [kind]
+    assert "rate" not in vars(compiled.functions)
+    pair = [compiled.propagate([0.5, 2.0], rtol=1e-11, parameters={"k": 1.5 + e}).covariance["x1", "v2"] for e in (-1e-4, 1e-4)]
+    np.testing.assert_allclose(found, (pair[1] - pair[0]) / 2e-4, rtol=2e-6)
 
 
 @pytest.mark.parametrize("which", ["chain", "wheels"])
@@ -312,6 +390,14 @@ def test_from_rest_both_ways_are_differences_of_runs(which):
     np.testing.assert_allclose(adjoint * unit, expected * unit, atol=1e-5 * size, rtol=0)
 
 
+def test_derivatives_of_another_run_are_refused(monkeypatch):
+    """From rest implicit formulas take the friction's first gain, which has no bound, for that of the run."""
+    compiled = cs.compile(toml(HELD))
+    monkeypatch.setattr(sensitivity, "onset", lambda lowered, p, tolerance, begin, y, _: Onset(y[:0, None], begin, y, 0, True))
+    with pytest.raises(SolverError, match="differ from those of the run"):
+        compiled.gradient(compiled.states[1], compiled.parameters[:1], method="forward")
+
+
 def test_a_breakpoint_that_comes_or_goes_is_said():
     compiled = compiled_model("pulse")
     with pytest.raises(SolverError, match="comes or goes"):
@@ -348,7 +434,7 @@ def test_machine_code_and_implicit_formulas_give_the_same_derivatives(name, monk
     compiled = compiled_model(name)
     times, parameters = [0.3 * compiled.declaration.duration, compiled.declaration.duration], compiled.parameters[:3]
     asked: list[bool] = []
-    monkeypatch.setattr(sensitivity, "suits_explicit", lambda *_: asked.append(True) or True)
+    monkeypatch.setattr(sensitivity, "engine_for", lambda *_: asked.append(True) or "native")
     by_code = compiled.gradient(compiled.outputs[0], parameters, times=times, method="forward")
     monkeypatch.setattr(sensitivity, "march_slopes", lambda *_: None)
     by_cvodes = compiled.gradient(compiled.outputs[0], parameters, times=times, method="forward")

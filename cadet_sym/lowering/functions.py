@@ -133,12 +133,16 @@ class MomentFunctions:
         return self.machine("outputs") if self._outputs_asked_for > PAYS else None
 
     def _compiled(self, name: str) -> MachineCode | None:
-        if name == "rate" and self.large and available():
-            return structured_rate(self.ingredients, self._shelf)
+        if name == "rate" and self.large:
+            return self.machine_in_products(name)
         if name != "outputs" and self.in_loops:
             head = getattr(self, f"{name}_head")
             return self.machine_of(head, name, lambda: carried_code(self, head, name))
         return self.machine_of(getattr(self, name), name)
+
+    def machine_in_products(self, name: str, directions: ca.SX | None = None) -> MachineCode | None:
+        """The rate of a large model, and of its derivatives along directions of p, made of products of matrices."""
+        return structured_rate(self.ingredients, self._shelf, name, directions) if available() else None
 
     def machine_of(self, function: ca.Function, name: str, text: Callable[[], str] | None = None) -> MachineCode | None:
         """A function made of these, or what stands in `text` for it, as machine code kept under a name; None as above."""

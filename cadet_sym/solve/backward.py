@@ -100,13 +100,14 @@ SHORTEST = 1e-14
 def carry(
     rate: Function, multiply: Function, grid: Vector, points: int, y: Vector, size: int, n: int, p: Vector, sizes: Vector,
     relative: float, absolute: float, latest: float, most: int, form: Vector, modes: Vector, pairs: int, work: Vector,
-    found: Vector, state: Vector,
+    found: Vector, state: Vector, blocks: int,
 ) -> int:
     """Carry y from the time in `state` through the times of the grid, of which the last ends the stretch.
 
     Parameters
     ----------
-    y : (size,) where it starts; afterwards where it is: the packed moments of n states.
+    y : (size,) where it starts; afterwards where it is: the packed moments of n states, and their derivatives along so many
+        directions that there are `blocks` of them.
     sizes : (size,) of every entry; a step may err by relative (|y| + absolute sizes).
     latest : the last time at which the inputs are those of this stretch.
     form, modes, pairs : the modal form of N (see `weigh` and `invert`), and 1 if any of the modes is one of a pair.
@@ -199,7 +200,9 @@ def carry(
             tries += 1
             for i in range(size):
                 slope[i] = g * slope[i] - known[i] - change[i]
-            invert(multiply, slope, move, size, n, form, modes, pairs, room)
+            for block in range(blocks):  # what moments do to their derivatives is left out
+                at = block * (size // blocks)
+                invert(multiply, part(slope, at), part(move, at), size // blocks, n, form, modes, pairs, room)
             improve(updates, int(state[12]), move, size)
             length = share(move, allowed, size)
             if not isfinite(length):

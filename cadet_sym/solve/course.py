@@ -230,7 +230,6 @@ def _from_onset(engine: Engine, begin: float, y: Array, stretch: Array) -> tuple
 
 
 def _alone(engine: Engine, begin: float, y: Array, stretch: Array) -> Array:
-    """Threads take turns, except in machine code: what SUNDIALS prints, or a library computes with, is the whole process's."""
-    free = isinstance(engine, Native) or (isinstance(engine, Stiff) and not engine.takes_threads)
-    with nullcontext() if free else _turns:
+    """Threads take turns, except in machine code: what SUNDIALS prints is the whole process's."""
+    with nullcontext() if isinstance(engine, Native | Stiff) else _turns:
         return engine.advance(begin, y, stretch)

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cadet_sym.packing import Packing
+from cadet_sym.solve.threads import one_thread
 from cadet_sym.warning import warn
 
 __all__ = ["LIMIT", "lost", "warn_of_loss"]
@@ -34,12 +35,13 @@ def lost(y: Array, packing: Packing) -> npt.NDArray[np.bool_]:
     P = looked_at.take(packing.square, axis=1).reshape(-1, n, n)
     diagonal = np.einsum("kii->ki", P)
     diagonal += (LIMIT * np.maximum(np.add.reduce(diagonal, axis=1), 0.0) + TINY)[:, None]
-    try:
-        np.linalg.cholesky(P)
-    except np.linalg.LinAlgError:
-        rounding = EPSILON * np.abs(looked_at[:, :n]).max(axis=1, initial=0.0)  # of a system without any noise
-        diagonal += (rounding**2)[:, None]
-        result[rows] = np.linalg.eigvalsh(P)[:, 0] < 0
+    with one_thread(n):
+        try:
+            np.linalg.cholesky(P)
+        except np.linalg.LinAlgError:
+            rounding = EPSILON * np.abs(looked_at[:, :n]).max(axis=1, initial=0.0)  # of a system without any noise
+            diagonal += (rounding**2)[:, None]
+            result[rows] = np.linalg.eigvalsh(P)[:, 0] < 0
     return result
 
 

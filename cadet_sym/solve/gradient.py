@@ -18,7 +18,8 @@ from cadet_sym.errors import SolverError
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.solve.scales import peaks
 from cadet_sym.solve.sensitivity import adjoint, forward, head
-from cadet_sym.solve.transient import Start, integrate, suits_explicit
+from cadet_sym.solve.transient import Start, engine_for, integrate
+from cadet_sym.solve.variational import COMPILED
 
 __all__ = ["Gradient", "start_entry"]
 
@@ -27,6 +28,9 @@ Array = npt.NDArray[np.float64]
 MANY = 20
 """Parameters, above the number of times, from which on one run backwards a time is cheaper than a column a parameter, where
 those are not carried in machine code."""
+
+ANOTHER = 1e-3
+"""Of a moment's size: more is another run."""
 
 STEP = 1e-5
 """Of central differences, relative: of what is found by iteration."""
@@ -43,6 +47,16 @@ def start_entry(functions: MomentFunctions, pair: tuple[str, str] | str) -> int:
     low, high = sorted(facts.states.index(name) for name in names)
     rows, columns = packing.triangle
     return packing.n + int(np.flatnonzero((rows == high) & (columns == low))[0])
+
+
+def _refuse_another_run(y: Array, known: Array, size: Array) -> None:
+    """Raise SolverError if moments that were carried along with derivatives are not those of the run, known roughly."""
+    change = float((np.abs(y - known) / size).max(initial=0.0))
+    if not change <= ANOTHER:
+        raise SolverError(
+            "the derivatives break down: the moments carried along with them differ from those of the run by "
+            f"{change:.2g} of their size. Start with a little variance, or take differences of runs."
+        )
 
 
 @dataclass(frozen=True)
@@ -74,33 +88,39 @@ class Gradient:
             If the derivatives break down.
         """
         start = self.start(p)
-        slope = np.hstack([self._start_slope(start), np.eye(len(start.y))[:, list(entries)]])
-        size = self._size(start, float(times[-1]))
+        units = np.zeros((len(start.y), len(entries)))
+        units[list(entries), range(len(entries))] = 1.0
+        slope = np.hstack([self._start_slope(start), units])
+        size, known = self._run(start, times)
         chosen = [*columns, *range(len(p), len(p) + len(entries))]
-        many = len(chosen) > MANY + len(times) and not suits_explicit(self.functions, start, times)
+        many = len(chosen) > MANY + len(times) and engine_for(self.functions, start, times) not in COMPILED
         if method == "adjoint" or (method == "auto" and many):
             try:
-                return self._adjoint(wanted, start, times, size, slope)[:, chosen]
+                return self._adjoint(wanted, start, times, size, known, slope)[:, chosen]
             except SolverError:
                 if method == "adjoint":
                     raise
         own = [*columns, *([-1] * len(entries))]
         moved = {t: np.append(each[list(columns)], [0.0] * len(entries)) for t, each in self._moved(start).items()}
         y, S = forward(self.functions, start, slope[:, chosen], own, size, times, moved)
+        _refuse_another_run(y, known, size)
         rows = []
         for t, moments, part in zip(times, y, S, strict=True):
             _, in_y, in_p = (np.asarray(each) for each in wanted(t, moments, p))
             rows.append(in_y[0] @ part + np.append(in_p[0, list(columns)], [0.0] * len(entries)))
         return np.array(rows)
 
-    def _adjoint(self, wanted: ca.Function, start: Start, times: Array, size: Array, slope: Array) -> Array:
+    def _adjoint(
+        self, wanted: ca.Function, start: Start, times: Array, size: Array, known: Array, slope: Array
+    ) -> Array:
         y = integrate(self.functions, start, times, rtol=1e-9).y
         moved, rows = self._moved(start), []
         begin, begun, slope_there = self._headed(start, times, size, slope)
-        for t, moments in zip(times, y, strict=True):
+        for t, moments, there in zip(times, y, known, strict=True):
             _, in_y, in_p = (np.asarray(each) for each in wanted(t, moments, start.p))
             if t > 0:
-                direct, at_begin = adjoint(self.functions, begun, size, float(t), in_y[0], moved, begin)
+                direct, at_begin, reached = adjoint(self.functions, begun, size, float(t), in_y[0], moved, begin)
+                _refuse_another_run(reached, there, size)
                 row = at_begin @ slope_there
                 row[: len(direct)] += direct
             else:
@@ -120,9 +140,11 @@ class Gradient:
         y, S = forward(self.functions, start, slope, own, size, np.array([begin]), {})
         return begin, replace(start, y=y[0]), S[0]
 
-    def _size(self, start: Start, end: float) -> Array:
-        grid = np.linspace(0, end, 33) if end > 0 else np.zeros(1)
-        return peaks(integrate(self.functions, start, grid, rtol=1e-6).y, self.functions.facts.packing)
+    def _run(self, start: Start, times: Array) -> tuple[Array, Array]:
+        """How large every moment becomes, (size,), and the moments at the times."""
+        grid = np.union1d(np.linspace(0, times[-1], 33), times)
+        y = integrate(self.functions, start, grid, rtol=1e-6).y
+        return peaks(y, self.functions.facts.packing), y[np.searchsorted(grid, times)]
 
     def _start_slope(self, start: Start) -> Array:
         """Derivative (size, parameters) of the start: central differences where a stationary state is solved for."""

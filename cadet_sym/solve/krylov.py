@@ -67,7 +67,7 @@ class Stepping:
         end = float(grid[-1])
         found = np.empty((len(grid), len(y)))
         # What is not finite makes SUNDIALS shorten its step; scikit-sundae prints what it also returns.
-        with np.errstate(all="ignore"), redirect_stdout(StringIO()), one_thread():
+        with np.errstate(all="ignore"), redirect_stdout(StringIO()), one_thread(self.lowered.facts.packing.n):
             solver.init_step(behind(begin), y)
             for k, t in enumerate(grid):
                 if t <= behind(begin):  # next to the beginning: no step reaches it

@@ -13,7 +13,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import redirect_stderr
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from io import StringIO
 from typing import Any
@@ -25,9 +25,10 @@ import numpy.typing as npt
 from cadet_sym.errors import ModelError, SolverError
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.solve.evaluate import behind
+from cadet_sym.solve.onset import onset
 from cadet_sym.solve.scales import Tolerance
-from cadet_sym.solve.transient import Start, suits_explicit
-from cadet_sym.solve.variational import STEPS, columns_at_once, march_slopes, variational_rate
+from cadet_sym.solve.transient import Start, engine_for
+from cadet_sym.solve.variational import COMPILED, STEPS, columns_at_once, march_slopes, variational_rate
 
 __all__ = ["METHODS", "adjoint", "check_method", "forward", "head", "quantity"]
 
@@ -81,8 +82,10 @@ def forward(
     moved : how every breakpoint moves with the columns, (c,) each.
     """
     n, c = len(start.y), len(columns)
-    explicit = suits_explicit(lowered, start, times)
-    if explicit and 0 < (most := columns_at_once(lowered)) < c:
+    kind = engine_for(lowered, start, times)
+    if kind == "implicit" and lowered.large:  # others would factorise a matrix of all moments and derivatives
+        kind = "stiff"
+    if kind in COMPILED and 0 < (most := columns_at_once(lowered)) < c:
         groups = [slice(k, k + most) for k in range(0, c, most)]
         parts = [
             forward(lowered, start, start_slope[:, k], columns[k], size, times, {t: each[k] for t, each in moved.items()})
@@ -101,8 +104,8 @@ def forward(
     for stretch in _stretches(start, times):
         if stretch.begin in moved:
             S = S + np.outer(_jump(lowered, start.p, stretch.begin, y), moved[stretch.begin])
-        z = np.concatenate([y, S.ravel(order="F")]) / scale
-        found = _over(lowered, start.p, tuple(columns), stretch, z, scale, explicit)
+        z = np.concatenate([y, S.ravel(order="F")])
+        found = _over(lowered, start.p, tuple(columns), stretch, z, scale, kind)
         for row in found[: stretch.outputs]:
             moments.append(row[:n])
             slopes.append(row[n:].reshape(n, c, order="F"))
@@ -121,29 +124,52 @@ def _run_forward(
 
 
 def _over(
-    lowered: MomentFunctions, p: Array, columns: tuple[int, ...], stretch: _Stretch, z: Array, scale: Array, explicit: bool
+    lowered: MomentFunctions, p: Array, columns: tuple[int, ...], stretch: _Stretch, z: Array, scale: Array, kind: str
 ) -> Array:
-    """Moments and derivatives at the times of a stretch; where no implicit formula begins there, explicit ones do."""
-    if explicit:
-        tolerance = Tolerance(RTOL / 10, 1e-3, scale, STEPS)
-        if (found := march_slopes(lowered, p, columns, stretch.begin, z * scale, stretch.grid, tolerance)) is not None:
-            return found
-    try:
-        return _first_success(lambda way: _run_forward(lowered, p, columns, stretch, z, scale, way), stretch)
-    except SolverError:
-        from scipy.integrate import solve_ivp
+    """Moments and derivatives at the times of a stretch.
 
-        rate, begin = variational_rate(lowered, columns), behind(stretch.begin)
-        later = begin + HEAD * (float(stretch.grid[0]) - begin)
-        with np.errstate(all="ignore"):  # what is not finite makes it shorten its step
-            led = solve_ivp(
-                lambda t, x: np.asarray(rate(t, x * scale, p)).ravel() / scale,
-                (begin, later), z, "DOP853", rtol=RTOL, atol=RTOL * 1e-4,
-            )  # fmt: skip
-        if not led.success:
-            raise
-        rest = _Stretch(later, stretch.grid, stretch.outputs)
-        return _first_success(lambda way: _run_forward(lowered, p, columns, rest, led.y[:, -1], scale, way), rest)
+    Implicit formulas begin where the gains are those of the run (see `onset`): until there, explicit ones lead.
+    """
+    tolerance = Tolerance(RTOL / 10, 1e-3, scale, STEPS)
+    if kind == "native":
+        found = march_slopes(lowered, p, columns, stretch.begin, z, stretch.grid, tolerance, kind)
+        if found is not None:
+            return found
+    n = lowered.facts.packing.size
+    first = onset(lowered, p, replace(tolerance, size=scale[:n]), stretch.begin, z[:n], stretch.grid)
+    passed, begin, head = len(first.found), stretch.begin, np.empty((0, len(z)))
+    if passed == len(stretch.grid):
+        return _lead(lowered, p, columns, begin, z, stretch.grid, tolerance)
+    if first.steps:
+        head, begin = _lead(lowered, p, columns, begin, z, np.append(stretch.grid[:passed], first.time), tolerance), first.time
+        head, z = head[:-1], head[-1]
+    rest = _Stretch(begin, stretch.grid[passed:], stretch.outputs)
+    found = None
+    if kind == "stiff":
+        found = march_slopes(lowered, p, columns, begin, z, rest.grid, tolerance, kind)
+    if found is None:
+        found = _first_success(lambda way: _run_forward(lowered, p, columns, rest, z / scale, scale, way), rest)
+    return np.vstack([head, found])
+
+
+def _lead(
+    lowered: MomentFunctions, p: Array, columns: tuple[int, ...], begin: float, z: Array, grid: Array, tolerance: Tolerance
+) -> Array:
+    """Moments and derivatives by explicit formulas: in machine code, or SciPy's."""
+    found = march_slopes(lowered, p, columns, begin, z, grid, tolerance, "native")
+    if found is not None:
+        return found
+    from scipy.integrate import solve_ivp
+
+    rate, scale = variational_rate(lowered, columns), tolerance.size
+    with np.errstate(all="ignore"):  # what is not finite makes it shorten its step
+        led = solve_ivp(
+            lambda t, x: np.asarray(rate(t, x * scale, p)).ravel() / scale,
+            (behind(begin), float(grid[-1])), z / scale, "DOP853", grid, rtol=RTOL, atol=RTOL * 1e-4,
+        )  # fmt: skip
+    if not led.success:
+        raise _failure(_Stretch(begin, grid, 0), led.message)
+    return led.y.T * scale
 
 
 def _first_success(attempt: Callable[[_Way], Array], stretch: _Stretch) -> Array:
@@ -179,8 +205,8 @@ def adjoint(
     weight: Array,
     moved: Mapping[float, Array],
     begin: float = 0.0,
-) -> tuple[Array, Array]:
-    """Derivatives of weight . y(time) in p (parameters,) and in the start (size,), by one run backwards.
+) -> tuple[Array, Array, Array]:
+    """Derivatives of weight . y(time) in p (parameters,) and in the start (size,), by one run backwards; and y(time).
 
     Parameters
     ----------
@@ -199,7 +225,7 @@ def adjoint(
         slope += gained
         if stretch.begin in moved:
             slope += bar @ _jump(lowered, start.p, stretch.begin, y) * moved[stretch.begin]
-    return slope, bar
+    return slope, bar, states[-1]
 
 
 def _backwards(

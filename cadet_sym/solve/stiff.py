@@ -7,7 +7,6 @@ wants another one.
 from __future__ import annotations
 
 import ctypes
-from contextlib import nullcontext
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, NamedTuple
@@ -32,9 +31,6 @@ Array = npt.NDArray[np.float64]
 
 MANY_STATES = 100
 """States up to which what is called between steps is most of the work elsewhere."""
-
-SINGLE = 60
-"""States up to which a product of matrices is not worth a second thread to any library."""
 
 STEPS = 20_000
 """Most steps of a stretch: more means that the gains react so strongly that other ways are better ..."""
@@ -72,20 +68,20 @@ class Stiff:
                 break
             form = self._form(float(state[0]), x)
             state[8], state[9], state[12], state[13] = 1.0, -1.0, 0.0, float(self.reacting)
-            with one_thread() if self.takes_threads else nullcontext():
+            with one_thread(n):
                 status = _carry()(
                     rate, multiplication(n), times.ctypes.data, len(times), x.ctypes.data,
                     size, n, given.ctypes.data, sizes.ctypes.data, self.tolerance.relative, self.tolerance.absolute, latest,
                     most, form.matrices.ctypes.data, form.modes.ctypes.data, form.pairs, work.ctypes.data,
-                    found.ctypes.data, state.ctypes.data,
+                    found.ctypes.data, state.ctypes.data, self.blocks,
                 )  # fmt: skip
         self.steps += int(state[4])
         return settled(found, status, int(state[7]), float(state[0]), work[1 : 1 + size].copy())
 
     @property
-    def takes_threads(self) -> bool:
-        """Whether products of matrices are so large that a library would spread them over threads."""
-        return self.lowered.facts.packing.n > SINGLE
+    def blocks(self) -> int:
+        """Vectors of as many entries as there are moments, of which y consists."""
+        return 1
 
     def _rate(self) -> int:
         """The address of the rate."""
@@ -145,5 +141,5 @@ def _carry() -> Any:
     """The integrator; the same machine code for all models."""
     vector, number, integer = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
     types = (vector, vector, vector, integer, vector, integer, integer, vector, vector, number, number, number, integer)
-    more = (vector, vector, integer, vector, vector, vector)
+    more = (vector, vector, integer, vector, vector, vector, integer)
     return kernel(*PROCEDURES, fused=True).function("carry", *types, *more, returns=integer)

@@ -31,7 +31,7 @@ from cadet_sym.solve.sound import are_sound
 from cadet_sym.solve.stiff import MANY_STATES
 from cadet_sym.warning import warn
 
-__all__ = ["ENGINES", "Start", "Trajectory", "check_times", "integrate", "integrate_all"]
+__all__ = ["ENGINES", "Start", "Trajectory", "check_times", "engine_for", "integrate", "integrate_all"]
 
 Array = npt.NDArray[np.float64]
 
@@ -272,9 +272,9 @@ def _plans(
     return [_known(start, key, lambda start=start: make([start])[0]) for start in starts]
 
 
-def suits_explicit(lowered: MomentFunctions, start: Start, grid: Array) -> bool:
-    """Whether a run is one for explicit formulas in machine code."""
-    return _plans(lowered, [start], grid, "auto", None)[0].kind == "native"
+def engine_for(lowered: MomentFunctions, start: Start, grid: Array) -> str:
+    """The kind of engine that is chosen for a run."""
+    return _plans(lowered, [start], grid, "auto", None)[0].kind
 
 
 def _tolerance(rtol: float, size: Array, packing: Packing, kind: str, care: Care) -> Tolerance:

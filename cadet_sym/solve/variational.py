@@ -1,12 +1,15 @@
-"""The moments and their derivatives together, under explicit formulas in machine code: the variational equations.
+"""The moments and their derivatives together, in machine code: the variational equations.
 
     y' = g(t, y, p),    S' = (dg/dy) S + dg/dp
 
-They are as stiff as the moments by themselves, so that what suits these suits all.
+They are as stiff as the moments by themselves, so that what suits these suits all: explicit formulas, or those of backward
+differentiation, whose inverse for the moments serves each column of S.
 """
 
 from __future__ import annotations
 
+import contextlib
+from dataclasses import dataclass
 from functools import lru_cache
 
 import casadi as ca
@@ -17,12 +20,17 @@ from cadet_sym.lowering.carried import carried_slopes_code, slopes_head
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.lowering.operations import size
 from cadet_sym.memory import Memory
+from cadet_sym.solve.breakdown import Breakdown
 from cadet_sym.solve.native import Made, made_ready, march_made, pairs_of
 from cadet_sym.solve.scales import Tolerance
+from cadet_sym.solve.stiff import Stiff
 
-__all__ = ["columns_at_once", "march_slopes", "variational_rate"]
+__all__ = ["COMPILED", "columns_at_once", "march_slopes", "variational_rate"]
 
 Array = npt.NDArray[np.float64]
+
+COMPILED = ("native", "stiff")
+"""Kinds of engine that carry derivatives too."""
 
 OF_A_COLUMN = 1.5
 """Operations of a column's derivatives, those of the rate one."""
@@ -57,19 +65,50 @@ def _directions(lowered: MomentFunctions, columns: tuple[int, ...]) -> ca.SX:
 
 def columns_at_once(lowered: MomentFunctions) -> int:
     """How many columns machine code carries at once, so that it is not too long; 0 where it is that without any."""
-    function = lowered.rate_head if lowered.in_loops else lowered.rate
+    function = lowered.ingredients if lowered.large else lowered.rate_head if lowered.in_loops else lowered.rate
     return int((lowered.longest(function) / size(function) - 1) / OF_A_COLUMN)
 
 
 def march_slopes(
-    lowered: MomentFunctions, p: Array, columns: tuple[int, ...], begin: float, z: Array, grid: Array, tolerance: Tolerance
+    lowered: MomentFunctions,
+    p: Array,
+    columns: tuple[int, ...],
+    begin: float,
+    z: Array,
+    grid: Array,
+    tolerance: Tolerance,
+    kind: str,
 ) -> Array | None:
-    """z (k, size) at the times of the grid, from z at `begin`; None where there is no machine code, or it gives up."""
+    """z (k, size) at the times of the grid, from z at `begin`; None where there is no machine code, or it gives up.
+
+    Parameters
+    ----------
+    kind : of engine, "native" or "stiff".
+    """
     made = _ready(lowered, columns, lambda: _made(lowered, columns))
     if not made.rate:
         return None
+    if kind == "stiff":
+        with contextlib.suppress(Breakdown):
+            return StiffSlopes(lowered, p, tolerance, columns=columns).advance(begin, z, grid)
+        return None
     run = march_made(made, p[None], z[None], [(begin, float(grid[-1]))], grid, tolerance)
     return None if run.status[0] or not np.isfinite(run.y).all() else run.y[0]
+
+
+@dataclass
+class StiffSlopes(Stiff):
+    """The moments and their derivatives under backward differentiation formulas."""
+
+    columns: tuple[int, ...] = ()  # see `variational_rate`
+
+    @property
+    def blocks(self) -> int:
+        """Of y: moments, and derivatives of them."""
+        return 1 + len(self.columns)
+
+    def _rate(self) -> int:
+        return _ready(self.lowered, self.columns, lambda: _made(self.lowered, self.columns)).rate
 
 
 _ready: Memory[Made] = Memory()
@@ -78,7 +117,9 @@ _ready: Memory[Made] = Memory()
 def _made(lowered: MomentFunctions, columns: tuple[int, ...]) -> Made:
     name = "_".join(["variational", *(str(j) if j >= 0 else "start" for j in columns)])
     every = np.arange(lowered.facts.packing.size * (1 + len(columns)))
-    if lowered.in_loops:
+    if lowered.large:
+        code = lowered.machine_in_products(name, _directions(lowered, columns))
+    elif lowered.in_loops:
         head = slopes_head(lowered, _directions(lowered, columns))
         code = lowered.machine_of(head, name, lambda: carried_slopes_code(lowered, head, name))
     else:
