@@ -122,7 +122,10 @@ def nested(arguments: tuple[sp.Symbol, ...], used: tuple[int, ...], body: sp.Exp
     body = written_out(body) if _curves_mix(body, [arguments[i] for i in used]) else body
     best: Nested | None = None
     reason: LinearisationError | None = None
-    for outer in used:
+    rows = {i: _rows(body, arguments[i]) for i in used}
+    for outer in sorted(used, key=lambda i: rows[i]):
+        if best is not None and rows[outer] > best.effort:  # a slice for every row takes more, and long to make
+            continue
         try:
             candidate = _over(arguments, used, outer, body, where, wish)
         except LinearisationError as error:
@@ -144,6 +147,11 @@ def nested(arguments: tuple[sp.Symbol, ...], used: tuple[int, ...], body: sp.Exp
             "arguments, or give a part of it a state of its own (a fast first-order filter)"
         )
     return best
+
+
+def _rows(body: sp.Expr, z: sp.Symbol) -> int:
+    """Of measured curves in an argument."""
+    return sum(len(curve.knots) for curve in body.atoms(Lookup) if curve.has(z))
 
 
 def _refuse_surfaces(symbols: list[sp.Symbol], body: sp.Expr, where: str) -> None:
