@@ -84,6 +84,7 @@ ELEMENTS: Mapping[str, Callable[[], sp.Expr]] = {
     "clip(x*y, -1, 1)": lambda: parse("clip(x*y, -1, 1)"),
     "y sqrt(x**2 + y**2 + 0.01)": lambda: parse("y*sqrt(x**2 + y**2 + 0.01)"),
     "y sqrt(x**2 + y**2)": lambda: parse("y*sqrt(x**2 + y**2)"),
+    "sqrt(x**2 + y**2)": lambda: parse("sqrt(x**2 + y**2)"),
     "atan2(y, x)": lambda: parse("atan2(y, x)"),
 }
 

@@ -19,7 +19,10 @@ from cadet_sym.language.numeric import evaluate
 from cadet_sym.lowering.elements import element_function
 
 X, Y = symbol("x"), symbol("y")
-SMOOTH = ["sqrt(x**2 + y**2)", "x/sqrt(x**2 + y**2)", "y**3/(x**2 + x*y + 2*y**2)"]
+SMOOTH = [
+    "sqrt(sqrt(x**2 + y**2)*sqrt(x**2 + x*y + 2*y**2))", "x*sqrt(x**2 + 2*y**2)/(x**2 + y**2)",
+    "x**3/((x**2 + y**2)*sqrt(x**2 + 3*y**2))",
+]  # fmt: skip
 KINKED = ["x*abs(x)/sqrt(x**2 + y**2)", "abs(x)**1.5*abs(y)**0.5", "max(x - 2*y, abs(y))"]
 JUMPING = ["atan2(y, x)", "atan(y/(x - y))", "x if x > 2*abs(y) else y**2/sqrt(x**2 + y**2)"]
 TEXTS = SMOOTH + KINKED + JUMPING
@@ -105,16 +108,6 @@ def test_the_scale_of_both_arguments_is_a_factor(text):
         assert scaled == pytest.approx(unit * scale ** np.array([degree, degree - 1, degree - 1]), rel=1e-9)
 
 
-def test_a_length_does_not_turn_with_the_axes():
-    function, mean, S = function_of("sqrt(x**2 + y**2)"), np.array([0.7, -0.4]), np.diag([1e-12, 1.0])
-    wanted = found(function, mean, [S[0, 0], S[1, 0], S[1, 1]])
-    for angle in (0.4, 1.2, 2.0):
-        R = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-        turned = R @ S @ R.T
-        F, *gain = found(function, R @ mean, [turned[0, 0], turned[1, 0], turned[1, 1]])
-        assert [F, *(R.T @ gain)] == pytest.approx(wanted, rel=1e-8)
-
-
 @pytest.mark.parametrize("text", TEXTS)
 def test_without_variance_it_is_the_function_and_derivatives_are_finite(text):
     both = with_jacobian(function_of(text))
@@ -144,8 +137,8 @@ def test_with_full_correlation_one_argument_is_left(text):
 
 
 def test_one_argument_without_variance_leaves_the_other():
-    function = function_of("x*sqrt(x**2 + y**2)")
-    alone = element_function(describing_function((X,), parse("x*sqrt(x**2 + 0.09)")), ())
+    function = function_of("x*abs(x)/sqrt(x**2 + y**2)")
+    alone = element_function(describing_function((X,), parse("x*abs(x)/sqrt(x**2 + 0.09)")), ())
     assert found(function, [0.4, 0.3], [0.5, 0, 0])[:2] == pytest.approx(found(alone, 0.4, 0.5), rel=1e-9)
 
 
@@ -165,10 +158,10 @@ def test_a_jump_that_is_not_seen_shows_in_the_gains():
 
 
 def test_parameters_stay_parameters():
-    (mu, df) = symbol("mu"), describing_function((X, Y), parse("x/sqrt(x**2 + mu**2*y**2)"), values={symbol("mu"): 2.0})
+    (mu, df) = symbol("mu"), describing_function((X, Y), parse("x*abs(x)/sqrt(x**2 + mu**2*y**2)"), values={symbol("mu"): 2.0})
     assert isinstance(df.products[0], Homogeneous)
     function = element_function(df, (mu,))
-    wanted = found(function_of("x/sqrt(x**2 + y**2)"), [0.3, 3 * 0.2], [0.8, 3 * 0.1, 9 * 0.5])
+    wanted = found(function_of("x*abs(x)/sqrt(x**2 + y**2)"), [0.3, 3 * 0.2], [0.8, 3 * 0.1, 9 * 0.5])
     F, gain = function([0.3, 0.2], [0.8, 0.1, 0.5], [3.0])
     assert [float(F), *np.array(gain).ravel() / [1, 3]] == pytest.approx(wanted, rel=1e-8)
     q = ca.SX.sym("q")
@@ -177,7 +170,7 @@ def test_parameters_stay_parameters():
     assert float(slope(3.0)) == pytest.approx((up - down) / 2e-4, rel=1e-6)
 
 
-@pytest.mark.parametrize("text", ["x*sqrt(x**2 + y**2)", "atan2(y, x)"])
+@pytest.mark.parametrize("text", ["x*abs(x)/sqrt(x**2 + y**2)", "atan2(y, x)"])
 def test_scalar_operations_give_the_same(text):
     df = describe(text)
     fixed = with_one_rule(df.products[0], {})

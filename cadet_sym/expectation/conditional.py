@@ -22,8 +22,11 @@ from cadet_sym.expectation.nested import Nested, nested
 from cadet_sym.expectation.pieces import Splitter, has_kinks
 from cadet_sym.expectation.planar import Planar
 from cadet_sym.expectation.polar import Homogeneous
+from cadet_sym.expectation.quadratic import QuadraticPower
 from cadet_sym.expectation.quadrature import Wish
 from cadet_sym.expectation.smooth import planar
+from cadet_sym.expectation.squares import MAX_ARGUMENTS as MAX_OF_POWERS
+from cadet_sym.expectation.squares import quadratic_powers
 from cadet_sym.expectation.switched import Switched
 from cadet_sym.expectation.switching import switched
 from cadet_sym.expectation.tables import written_out
@@ -32,6 +35,9 @@ from cadet_sym.language.vocabulary import Lookup
 
 MAX_ARGUMENTS = 3  # of a function that is not a sum of products
 MAX_TERMS = 400
+
+Integrated = Nested | Planar | Homogeneous | Switched | QuadraticPower
+"""What is left to an integral of several arguments."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +108,7 @@ class _Term:
 
 def products(
     arguments: tuple[sp.Symbol, ...], body: sp.Expr, where: str, wish: Wish
-) -> tuple[Product | Nested | Planar | Homogeneous | Switched, ...]:
+) -> tuple[Product | Integrated, ...]:
     """Write a function as a sum of terms whose expectation is known.
 
     Raises
@@ -112,8 +118,9 @@ def products(
     """
     if len(arguments) == 1:
         return (Product(sp.S.One, (0,), ((0, univariate(body, arguments[0], where, wish)),)),)
+    powers, body = quadratic_powers(arguments, body, where, wish)
+    found: list[Product | Integrated] = list(powers)
     terms, rest = _separated(arguments, body, where)
-    found: list[Product | Nested | Planar | Homogeneous | Switched] = []
     for term in _merged(terms):
         product = _product(term, arguments, where, wish)
         if isinstance(product, Product):
@@ -121,7 +128,7 @@ def products(
         else:
             rest.append(product)
     if rest and (whole := homogeneous(arguments, _used(arguments, body), body, wish)) is not None:
-        return (whole,)
+        return (*powers, whole)
     groups: dict[tuple[int, ...], list[sp.Expr]] = defaultdict(list)
     for expr in rest:
         groups[_used(arguments, expr)].append(expr)
@@ -136,13 +143,14 @@ def _used(arguments: tuple[sp.Symbol, ...], expr: sp.Expr) -> tuple[int, ...]:
 
 def _integrated(
     arguments: tuple[sp.Symbol, ...], used: tuple[int, ...], body: sp.Expr, where: str, wish: Wish
-) -> tuple[Nested | Planar | Homogeneous | Switched, ...]:
+) -> tuple[Integrated, ...]:
     if len(used) > MAX_ARGUMENTS:
         names = ", ".join(str(arguments[i]) for i in used)
         raise LinearisationError(
             f"{where}: the term `{body}` is a function of {len(used)} arguments ({names}) that does not separate into "
-            f"products of functions of one argument each; no more than {MAX_ARGUMENTS} can be integrated over. "
-            "Split it: give a part of it a state of its own (a fast first-order filter), or write it as a sum of products"
+            f"products of functions of one argument each; no more than {MAX_ARGUMENTS} can be integrated over, up to "
+            f"{MAX_OF_POWERS} where it is a polynomial times a power of one sum of squares. Split it: give a part of it a "
+            "state of its own (a fast first-order filter), or write it as a sum of products"
         )
     if (found := homogeneous(arguments, used, body, wish)) is not None:
         return (found,)

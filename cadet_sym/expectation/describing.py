@@ -7,12 +7,8 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from cadet_sym.expectation.conditional import Product, products
-from cadet_sym.expectation.nested import Nested
-from cadet_sym.expectation.planar import Planar
-from cadet_sym.expectation.polar import Homogeneous
+from cadet_sym.expectation.conditional import Integrated, Product, products
 from cadet_sym.expectation.quadrature import Wish
-from cadet_sym.expectation.switched import Switched
 from cadet_sym.expectation.tame import tamed
 
 
@@ -29,7 +25,7 @@ class DescribingFunction:
     body: sp.Expr
     means: tuple[sp.Symbol, ...]
     covariances: tuple[sp.Symbol, ...]  # lower triangle row by row: S11; S21, S22; ...
-    products: tuple[Product | Nested | Planar | Homogeneous | Switched, ...]
+    products: tuple[Product | Integrated, ...]
 
     def formula(self) -> sp.Expr | None:
         """E[f] written out in `means` and `covariances`, for reading; None if that would be too long."""

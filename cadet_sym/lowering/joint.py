@@ -9,11 +9,11 @@ from functools import cached_property
 import casadi as ca
 import sympy as sp
 
-from cadet_sym.expectation.conditional import Product
+from cadet_sym.expectation.conditional import Integrated, Product
 from cadet_sym.expectation.describing import DescribingFunction
 from cadet_sym.expectation.nested import Nested
-from cadet_sym.expectation.planar import Planar
 from cadet_sym.expectation.polar import Homogeneous
+from cadet_sym.expectation.quadratic import QuadraticPower
 from cadet_sym.expectation.switched import Switched
 from cadet_sym.lowering.columns import curves
 from cadet_sym.lowering.gaussian import Gaussian
@@ -21,6 +21,7 @@ from cadet_sym.lowering.nested import nested_moments
 from cadet_sym.lowering.pair import Pair
 from cadet_sym.lowering.planar import planar_moments
 from cadet_sym.lowering.polar import polar_moments
+from cadet_sym.lowering.quadratic import quadratic_moments
 from cadet_sym.lowering.switched import switched_moments
 
 
@@ -78,7 +79,9 @@ class Joint:
                 gain = [k + slopes.get(a, ca.SX(0)) for a, k in enumerate(gain)]
         return F, ca.vertcat(*gain)
 
-    def _integrated(self, product: Nested | Planar | Homogeneous | Switched) -> tuple[ca.SX, dict[int, ca.SX]]:
+    def _integrated(self, product: Integrated) -> tuple[ca.SX, dict[int, ca.SX]]:
+        if isinstance(product, QuadraticPower):
+            return quadratic_moments(product, self)
         if isinstance(product, Homogeneous):
             return polar_moments(product, self)
         if isinstance(product, Switched):

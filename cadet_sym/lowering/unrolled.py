@@ -12,13 +12,15 @@ from dataclasses import replace
 import sympy as sp
 
 from cadet_sym.errors import ExportError
-from cadet_sym.expectation.conditional import Product
+from cadet_sym.expectation.conditional import Integrated, Product
 from cadet_sym.expectation.describing import DescribingFunction
 from cadet_sym.expectation.homogeneous import with_one_rule
 from cadet_sym.expectation.nested import Nested
 from cadet_sym.expectation.planar import Planar
 from cadet_sym.expectation.polar import Homogeneous
+from cadet_sym.expectation.quadratic import QuadraticPower
 from cadet_sym.expectation.smooth import with_counts
+from cadet_sym.expectation.squares import with_count
 from cadet_sym.expectation.switched import Switched
 from cadet_sym.expectation.switching import with_order
 from cadet_sym.language.expression import symbol
@@ -33,6 +35,9 @@ MANY_PAIRS = 2000
 
 COUNTS = (40, 24)
 """Nodes on the outer and the inner line: enough for moments of the order of the functions' own scales."""
+
+COUNT = 64
+"""Nodes of the integral over one variable for powers of quadratic polynomials: the same."""
 
 ORDER = 48
 """Nodes of a stretch of a conic: the same."""
@@ -51,7 +56,7 @@ def in_line(df: DescribingFunction) -> DescribingFunction:
     Where derivatives are wanted: those of many calls cost twice as much, for they are called again for every direction.
     """
 
-    def changed(part: Product | Nested | Planar | Homogeneous | Switched) -> Product | Nested | Planar | Homogeneous | Switched:
+    def changed(part: Product | Integrated) -> Product | Integrated:
         if isinstance(part, Nested):
             return part.written_with(in_line)
         return part.written_out() if isinstance(part, Product) and not part.pairs else part
@@ -69,13 +74,13 @@ def _function(df: DescribingFunction, where: str, numbers: Mapping[sp.Symbol, fl
     return df if all(a is b for a, b in zip(products, df.products, strict=True)) else replace(df, products=products)
 
 
-def _fixed(
-    part: Product | Nested | Planar | Homogeneous | Switched, where: str, numbers: Mapping[sp.Symbol, float]
-) -> Product | Nested | Planar | Homogeneous | Switched:
+def _fixed(part: Product | Integrated, where: str, numbers: Mapping[sp.Symbol, float]) -> Product | Integrated:
     if isinstance(part, Planar):
         return with_counts(part, COUNTS, numbers)
     if isinstance(part, Homogeneous):
         return with_one_rule(part, numbers)
+    if isinstance(part, QuadraticPower):
+        return with_count(part, COUNT)
     if isinstance(part, Nested):
         return part.written_with(lambda df: _function(df, where, numbers))
     if isinstance(part, Switched):

@@ -10,11 +10,12 @@ import numpy as np
 import sympy as sp
 
 from cadet_sym.errors import ExpectationWarning
-from cadet_sym.expectation import accuracy, homogeneous, smooth, switching
+from cadet_sym.expectation import accuracy, homogeneous, smooth, squares, switching
 from cadet_sym.expectation.conditional import Product
 from cadet_sym.expectation.describing import DescribingFunction
 from cadet_sym.expectation.planar import Planar
 from cadet_sym.expectation.polar import Homogeneous
+from cadet_sym.expectation.quadratic import QuadraticPower
 from cadet_sym.expectation.switched import Switched
 from cadet_sym.language.expression import symbol
 from cadet_sym.lowering.survey import describing_functions
@@ -65,6 +66,8 @@ def _errors(df: DescribingFunction, numbers: Mapping[sp.Symbol, float]) -> Itera
             yield smooth.error_of(product, numbers)
         elif isinstance(product, Homogeneous):
             yield homogeneous.error_of(product, numbers)
+        elif isinstance(product, QuadraticPower):
+            yield squares.error_of(product, numbers)
         elif isinstance(product, Switched):
             yield switching.error_of(product, numbers)
         elif isinstance(product, Product):

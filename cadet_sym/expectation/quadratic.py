@@ -1,0 +1,159 @@
+"""Polynomials times a power of a quadratic polynomial that is nowhere negative, of any number of arguments.
+
+With the square completed, Q = c + y_1^2 + .. + y_r^2, y = T z + e linear forms of the arguments, and any monomial in y,
+
+    Q^-a = 1/Gamma(a) int_0^inf t^(a-1) exp(-t Q) dt,    E[y^n Q^-a] = 1/Gamma(a) int_0^inf t^(a-1) E[y^n exp(-t Q)] dt,
+
+a positive power being a whole one, multiplied out, times a negative one: one dimension is left, in any number of arguments.
+`tilted` says what is under the integral, and how it is taken. Gains, and what they change with, are the same integrals for the
+derivatives of f, monomials times Q^(p-1), Q^(p-2), ..; where a derivative is so large at Q = 0 that it may have an impulse
+there, E[f exp(-t Q)] is differentiated in its place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import sympy as sp
+from sympy.polys.rings import PolyElement, PolyRing, ring
+
+SHORTEST = sp.Rational(1, 4)  # a, at least
+
+Terms = dict[tuple[int, ...], float]
+"""Coefficients of a polynomial, by the exponents of y_1, .., y_n and of c."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A derivative of E[f]: for every monomial of f the expectation of a polynomial times Q^(p - power), differentiated on."""
+
+    power: int
+    terms: tuple[Terms, ...]
+    left: tuple[int, ...] = ()  # means in which that expectation is to be differentiated
+    plain: bool = False  # of one monomial, without its coefficient
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What the sums do not depend on the moments for: sum_a c_a y^a Q^p, Q = c + y_1^2 + .. + y_rank^2."""
+
+    size: int  # number of y
+    rank: int
+    monomials: tuple[tuple[int, ...], ...]
+    power: sp.Rational
+    cone: bool  # whether c = 0
+
+    @cached_property
+    def degree(self) -> int:
+        """The least in what is in Q."""
+        return min(sum(powers[: self.rank]) for powers in self.monomials)
+
+    def exists(self, order: int) -> bool:
+        """Whether derivatives of that order have an expectation that is a plain integral."""
+        return not self.cone or 2 * self.power + self.degree + self.rank - order > 0
+
+    def floor(self, order: int) -> float:
+        """A variance below all others, of which derivatives of that order are numbers."""
+        return 10.0 ** -min(100.0, 250 / (order + 1 + max(0.0, -float(self.power))))
+
+    @cached_property
+    def gains(self) -> tuple[Row, ...]:
+        """E[f] and its derivatives in the means of y."""
+        return (self.row(), *(self.row(i) for i in range(self.size)))
+
+    @cached_property
+    def curvatures(self) -> tuple[Row, ...]:
+        """Its second derivatives and its third, by `symmetric`."""
+        return tuple(self.row(*i) for order in (2, 3) for i in symmetric(self.size, order))
+
+    @cached_property
+    def slopes(self) -> tuple[Row, ...]:
+        """Of E[f] and the gains, derivatives in c, if it is not zero, then in every coefficient."""
+        first = [(), *((i,) for i in range(self.size))]
+        found = [] if self.cone else [self.row(*i, -1) for i in first]
+        return (*found, *(self.row(*i, only=a) for a in range(len(self.monomials)) for i in first))
+
+    def row(self, *derivatives: int, only: int | None = None) -> Row:
+        """The derivative in some of y, -1 standing for c, of all monomials or of one."""
+        R, *symbols = ring([*(f"y{i}" for i in range(self.size)), "c"], sp.QQ)
+        found = [self._derivative(R, symbols, powers, derivatives) for powers in self.monomials]
+        terms = [{m: float(c) for m, c in P.terms()} if only in (None, k) else {} for k, (P, _, _) in enumerate(found)]
+        return Row(found[0][1], tuple(terms), found[0][2], plain=only is not None)
+
+    def _derivative(
+        self, R: PolyRing, symbols: Sequence[PolyElement], powers: Sequence[int], derivatives: Sequence[int]
+    ) -> tuple[PolyElement, int, tuple[int, ...]]:
+        """P and j, P Q^(p - j) being the derivative of a monomial, and those that are left to take."""
+        *y, c = symbols
+        c = R.zero if self.cone else c
+        Q = sum((s**2 for s in y[: self.rank]), start=c)
+        P, j, p = R.one, 0, sp.QQ.from_sympy(self.power)
+        for s, n in zip(y, powers, strict=True):
+            P *= s**n
+        for i in (i for i in derivatives if i >= self.rank):
+            P = P.diff(y[i])
+        left = [i for i in derivatives if i < self.rank]
+        while left and self.exists(j + 1):
+            i = left.pop(0)
+            inner = 2 * y[i] if i >= 0 else R.one
+            P, j = P.diff(y[i] if i >= 0 else c) * Q + inner * P * (p - j), j + 1
+        while j - self.power < SHORTEST:
+            P, j = P * Q, j + 1
+        return P, j, tuple(left)
+
+
+def symmetric(size: int, order: int) -> list[tuple[int, ...]]:
+    """Indices i >= j >= .. of the distinct derivatives of an order."""
+    found: list[tuple[int, ...]] = [()]
+    for _ in range(order):
+        found = [(*before, i) for before in found for i in range(before[-1] + 1 if before else size)]
+    return found
+
+
+def less(numbers: tuple[int, ...], at: int) -> tuple[int, ...]:
+    """One of them by one less."""
+    return tuple(n - (i == at) for i, n in enumerate(numbers))
+
+
+@dataclass(frozen=True)
+class QuadraticPower:
+    """A polynomial times a power of a quadratic polynomial."""
+
+    used: tuple[int, ...]  # indices of the arguments
+    symbols: tuple[sp.Symbol, ...]
+    value: sp.Expr
+    forms: tuple[tuple[sp.Expr, ...], ...]  # of y: a coefficient for each argument, then the offset
+    rank: int
+    constant: sp.Expr  # c
+    power: sp.Rational
+    terms: tuple[tuple[tuple[int, ...], sp.Expr], ...]  # of the polynomial in y
+    step: float = 0.2
+    nodes: int = 0  # where the moments are of the order of the function's own scale
+    error: float = 0.0
+    count: int = 0  # of nodes, if it is to be the same always
+
+    @property
+    def shape(self) -> Shape:
+        """What is to be integrated."""
+        return Shape(len(self.forms), self.rank, tuple(powers for powers, _ in self.terms), self.power, self.constant == 0)
+
+    @property
+    def free(self) -> frozenset[sp.Basic]:
+        """Parameters."""
+        return frozenset(self.value.free_symbols - set(self.symbols))
+
+    def kinks(self) -> Iterator[tuple[int, sp.Expr]]:
+        """None that stand still while the other arguments move."""
+        return iter(())
+
+    def expressions(self) -> Iterator[sp.Expr]:
+        """Whatever depends on parameters."""
+        yield self.constant
+        for row in self.forms:
+            yield from row
+
+    def poles(self) -> Iterator[tuple[int, sp.Expr, sp.Expr]]:
+        """The same as for the kinks."""
+        return iter(())

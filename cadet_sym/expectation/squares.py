@@ -1,0 +1,244 @@
+"""Find polynomials times a power of a quadratic polynomial that is nowhere negative, and how many nodes they need."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import sympy as sp
+
+from cadet_sym.errors import LinearisationError
+from cadet_sym.expectation.algebra import NumpyAlgebra
+from cadet_sym.expectation.closed_form import normal
+from cadet_sym.expectation.quadratic import QuadraticPower, Shape
+from cadet_sym.expectation.quadrature import Wish
+from cadet_sym.expectation.tilted import COUNTS, Node, factors, frame_of, spread_out
+from cadet_sym.language.numeric import evaluate
+
+MAX_ARGUMENTS = 6  # a polynomial in more has too many moments
+MOST_DEGREE, MOST_TERMS = 8, 40
+STEPS = (0.4, 0.35, 0.3, 0.27, 0.24, 0.21, 0.18, 0.15)
+FINEST = 0.08
+WANTED, WARNED = 2e-12, 1e-8
+SPREADS = (1e-3, 0.1, 0.5, 1.0, 3.0, 30.0, 1e3)  # of the moments at which the error is estimated, over the root of c
+RATIOS = (1.0, 0.4, 1e-3)  # of one standard deviation to the one before
+MEANS = (0.0, 0.5, 2.0, 5.0, 50.0)  # in standard deviations
+LEANS = (0.0, 0.6, -0.999)
+
+
+def quadratic_powers(
+    arguments: tuple[sp.Symbol, ...], body: sp.Expr, where: str, wish: Wish
+) -> tuple[list[QuadraticPower], sp.Expr]:
+    """The terms that are polynomials times a power of a quadratic polynomial that is nowhere negative, and what is left.
+
+    Raises
+    ------
+    LinearisationError
+        If one is so large where the quadratic polynomial is zero that it has no expectation.
+    """
+    factors: dict[tuple[sp.Expr, sp.Rational], sp.Expr] = {}
+    rest: list[sp.Expr] = []
+    for term in sp.Add.make_args(sp.expand_mul(body, deep=False)):
+        found = _taken_apart(term, arguments)
+        if found is None or sum(found[1].has(z) for z in arguments) < 2:  # a power of one argument separates
+            rest.append(term)
+        else:
+            factor, *key = found
+            factors[key[0], key[1]] = factors.get((key[0], key[1]), sp.S.Zero) + factor
+    powers: list[QuadraticPower] = []
+    for (base, power), factor in factors.items():
+        if (found := _quadratic_power(arguments, factor, base, power, where, wish)) is None:
+            rest.append(factor * base**power)
+        else:
+            powers.append(found)
+    return powers, sp.Add(*rest) if powers else body
+
+
+def _quadratic_power(
+    arguments: tuple[sp.Symbol, ...], factor: sp.Expr, base: sp.Expr, power: sp.Rational, where: str, wish: Wish
+) -> QuadraticPower | None:
+    used = tuple(i for i, z in enumerate(arguments) if factor.has(z) or base.has(z))
+    symbols = tuple(arguments[i] for i in used)
+    numbers = {s: float(wish.sample.get(s, 1.0)) for s in base.free_symbols - set(symbols) if isinstance(s, sp.Symbol)}
+    squares = _completed(base, symbols, numbers)
+    if squares is None:
+        return None
+    least = evaluate(squares.constant, numbers)
+    if least < 0 or (least == 0 and squares.rank == 1):
+        return None
+    found = _in_forms(used, symbols, factor, squares, power)
+    if found is None or len(found.forms) == 1:
+        return None
+    found = replace(found, value=factor * base**power)
+    if least == 0 and not replace(found.shape, cone=True).exists(0):
+        raise LinearisationError(
+            f"{where} has no Gaussian expectation: `{found.value}` is too large where `{base}` is zero; "
+            "add a positive number to that"
+        )
+    best = measured(found)
+    return best if best.error <= WARNED else None
+
+
+def _taken_apart(term: sp.Expr, symbols: tuple[sp.Symbol, ...]) -> tuple[sp.Expr, sp.Expr, sp.Rational] | None:
+    """Polynomial factor, quadratic polynomial and its power."""
+    factor, base, power = sp.S.One, None, sp.S.Zero
+    for part in sp.Mul.make_args(term):
+        if part.is_polynomial(*symbols):
+            factor *= part
+            continue
+        inner, exponent = part.as_base_exp()
+        if not exponent.is_number or not exponent.is_real or not inner.is_polynomial(*symbols):
+            return None
+        if sp.Poly(inner, *symbols).total_degree() != 2:
+            return None
+        base = inner if base is None else base
+        ratio = sp.cancel(inner / base)
+        if ratio.has(*symbols):
+            return None
+        rational = sp.Rational(str(exponent))
+        factor, power = factor * ratio**rational, power + rational
+    if base is None or (power.is_Integer and power >= 0):
+        return None
+    return factor, base, power
+
+
+@dataclass(frozen=True)
+class _Squares:
+    """c + sum of squares of linear forms; each form has a symbol that no later one has."""
+
+    forms: tuple[sp.Expr, ...]
+    pivots: tuple[sp.Symbol, ...]
+    constant: sp.Expr
+
+    @property
+    def rank(self) -> int:
+        return len(self.forms)
+
+
+def _completed(base: sp.Expr, symbols: tuple[sp.Symbol, ...], numbers: Mapping[sp.Symbol, float]) -> _Squares | None:
+    """The squares completed; None if it takes negative ones."""
+    left, forms, pivots = sp.expand(base), [], []
+    while left.has(*symbols):
+        for z in symbols:
+            scale = normal(left.coeff(z, 2))
+            if scale != 0:
+                break
+        else:
+            return None
+        if not evaluate(scale, numbers) > 0:
+            return None
+        form = z + left.coeff(z, 1) / (2 * scale)
+        left = _tidy(left - scale * form**2, symbols)
+        forms.append(sp.expand(sp.sqrt(scale) * form))
+        pivots.append(z)
+    return _Squares(tuple(forms), tuple(pivots), left)
+
+
+def _tidy(expr: sp.Expr, symbols: tuple[sp.Symbol, ...]) -> sp.Expr:
+    """A polynomial, coefficients that are zero seen to be so."""
+    polynomial = sp.Poly(sp.expand(expr), *symbols)
+    monomials = ((c, sp.prod(z**n for z, n in zip(symbols, powers, strict=True))) for powers, c in polynomial.terms())
+    return sp.Add(*(sp.cancel(c) * monomial for c, monomial in monomials))
+
+
+def _in_forms(
+    used: tuple[int, ...], symbols: tuple[sp.Symbol, ...], factor: sp.Expr, squares: _Squares, power: sp.Rational
+) -> QuadraticPower | None:
+    """The polynomial in the forms, and in those arguments that are not the pivot of one.
+
+    Or in the arguments, which may be much smaller than the forms that they are sums of; not where Q may be zero and the
+    polynomial is so too, which must be seen.
+    """
+    y = [sp.Dummy(f"y{k}", real=True) for k in range(squares.rank)]
+    solved: dict[sp.Basic, sp.Expr] = {}
+    for form, z, symbol in reversed(list(zip(squares.forms, squares.pivots, y, strict=True))):
+        slope = sp.diff(form, z)
+        solved[z] = sp.expand((symbol - form.subs(z, 0)) / slope).xreplace(solved)
+    written = sp.expand(factor.xreplace(solved))
+    others = [z for z in symbols if z not in squares.pivots and written.has(z)]
+    polynomial = sp.Poly(written, *y, *others)
+    vanishes = squares.constant == 0 and all(any(powers[: len(y)]) for powers, _ in polynomial.terms())
+    if any(len(sp.Add.make_args(form)) > 1 for form in squares.forms) and not vanishes:
+        others = [z for z in symbols if factor.has(z)]
+        polynomial = sp.Poly(sp.expand(factor), *y, *others)
+    terms = tuple((powers, sp.cancel(c)) for powers, c in polynomial.terms() if c != 0)
+    if len(terms) > MOST_TERMS or polynomial.total_degree() > MOST_DEGREE or max(len(used), len(y) + len(others)) > MAX_ARGUMENTS:
+        return None
+    forms = tuple(
+        (*(sp.cancel(sp.diff(form, z)) for z in symbols), sp.cancel(form.subs(dict.fromkeys(symbols, 0))))
+        for form in (*squares.forms, *others)
+    )
+    return QuadraticPower(used, symbols, factor, forms, squares.rank, squares.constant, power, terms)
+
+
+# -- accuracy ---------------------------------------------------------------------------------------------------------
+
+
+def measured(function: QuadraticPower) -> QuadraticPower:
+    """The function with the largest step that is accurate enough over a grid of moments, and the error found there."""
+    cases, found = _Cases(function.shape), replace(function, error=np.inf)
+    for step in STEPS:
+        error = cases.error(step)
+        found = replace(function, step=step, error=error, nodes=int(np.median(cases.counts(step))))
+        if error <= WANTED:
+            break
+    return found
+
+
+def error_of(function: QuadraticPower, sample: Mapping[sp.Symbol, float]) -> float:
+    """The error of the step that a function has, infinite where with these numbers there is no expectation."""
+    numbers = {s: float(sample.get(s, 1.0)) for s in function.free if isinstance(s, sp.Symbol)}
+    least = evaluate(function.constant, numbers)
+    exists = replace(function.shape, cone=bool(least == 0)).exists(0)
+    real = all(np.isfinite(evaluate(x, numbers)) for row in function.forms for x in row)
+    return function.error if least >= 0 and exists and real else np.inf
+
+
+def with_count(function: QuadraticPower, count: int) -> QuadraticPower:
+    """The function with the same number of nodes always, and its error where variances are not too unlike."""
+    return replace(function, count=count, nodes=count, error=_Cases(function.shape, RATIOS[:-1]).error(0.0, count))
+
+
+class _Cases:
+    """Moments on a grid, with c = 1 or 0, and accurate expectations there, against which steps are held."""
+
+    def __init__(self, shape: Shape, ratios: tuple[float, ...] = RATIOS):
+        self.shape, n = shape, shape.size
+        rows = np.array([(s, q, m, r) for s in SPREADS for q in ratios for m in MEANS for r in LEANS])
+        spread, ratio, mean, lean = rows.T
+        stds = [spread * ratio**i for i in range(n)]
+        m = [mean * stds[i] * (-0.7) ** i for i in range(n)]
+        S = [stds[i] * stds[j] * lean ** abs(i - j) for i in range(n) for j in range(i + 1)]
+        c = np.zeros_like(spread) if shape.cone else np.ones_like(spread)
+        self.c, self.frame = c, frame_of(shape, m, S, c, shape.floor(1), NumpyAlgebra())
+        *self.reference, size = self._sums(FINEST)
+        units = np.array([np.ones_like(spread), *stds])
+        self.scale = units / size
+
+    def error(self, step: float, count: int = 0) -> float:
+        """The largest, relative to E|f|, of E[f] and of the gains times standard deviations."""
+        with np.errstate(all="ignore"):
+            errors = np.abs(self._sums(step, count)[:-1] - np.array(self.reference)) * self.scale
+        worst = float(np.max(errors))
+        return worst if np.isfinite(worst) else np.inf
+
+    def counts(self, step: float) -> np.ndarray:
+        """How many nodes each of them takes."""
+        wanted = (self.frame.last - self.frame.first) / step + 1
+        return np.array(COUNTS)[np.minimum(np.searchsorted(COUNTS, wanted), len(COUNTS) - 1)]
+
+    def _sums(self, step: float, count: int = 0) -> np.ndarray:
+        """E[f] and the gains, and for a size of f, the sum of all monomials without their signs; coefficients are all one."""
+        shape, frame, xp = self.shape, self.frame, NumpyAlgebra()
+        length = frame.last - frame.first
+        counts = np.full(self.c.size, count) if count else np.ceil(length / step) if step == FINEST else self.counts(step)
+        k = np.arange(int(np.max(counts)))[:, None]
+        steps = np.where(k < counts, length / (counts - 1), 0.0)
+        with np.errstate(all="ignore"):
+            log_t, slope = spread_out(frame.first + np.minimum(k, counts - 1) * (length / (counts - 1)), frame.high, xp)
+            at = frame.tilted(np.exp(log_t))
+            node = Node(shape, at, log_t, slope, frame.scale, self.c, xp)
+            terms = [*node.sums(shape.gains, [1.0] * len(shape.monomials)), node.size()]
+            scales = factors(shape, [*shape.gains, shape.gains[0]], frame.scale, xp)
+            return np.array([np.sum(term * steps, axis=0) * scale for term, scale in zip(terms, scales, strict=True)])

@@ -1,0 +1,329 @@
+"""Polynomials times powers of quadratic polynomials: by integrals, by the laws they obey, at any scale, and in models."""
+
+from __future__ import annotations
+
+import dataclasses
+import warnings
+from functools import cache
+
+import casadi as ca
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import cadet_sym as cs
+from cadet_sym.errors import LinearisationError
+from cadet_sym.expectation import describing_function
+from cadet_sym.expectation.adaptive import integrate
+from cadet_sym.expectation.homogeneous import homogeneous
+from cadet_sym.expectation.quadratic import QuadraticPower
+from cadet_sym.expectation.quadrature import Wish
+from cadet_sym.expectation.smooth import planar
+from cadet_sym.expectation.squares import quadratic_powers, with_count
+from cadet_sym.language.expression import parse, symbol
+from cadet_sym.language.numeric import evaluate
+from cadet_sym.lowering.elements import element_function
+
+NAMES = [symbol(name) for name in ("x", "y", "w", "q", "r", "s")]
+TWO = [
+    "sqrt(x**2 + y**2)", "x/sqrt(x**2 + y**2)", "y*sqrt(x**2 + y**2 + 0.01)", "y**3/(x**2 + x*y + 2*y**2)",
+    "x/(1 + x**2 + y**2)", "(1 - 1/sqrt(1 + x**2 + y**2))*y", "((x - 1)**2 + (y + 2)**2 + 0.1)**1.5",
+    "x*y*(x**2 + 3*y**2)**(-0.7)",
+]  # fmt: skip
+THREE = [
+    "sqrt(x**2 + y**2 + w**2)", "x*sqrt(x**2 + y**2 + w**2)", "w*x/sqrt(x**2 + y**2 + 0.04)",
+    "(x - w)/sqrt((x - w)**2 + 2*y**2)",
+    "x/(x**2 + y**2 + w**2)**1.5", "w/(x**2 + x*y + y**2 + y*w + w**2 + 1)", "x*y*w*sqrt(1 + (x + y)**2)",
+]  # fmt: skip
+CORRELATIONS = [-0.999999, -0.95, 0.0, 0.5, 1.0]
+
+
+def arguments_of(text: str):
+    return tuple(z for z in NAMES if parse(text).has(z))
+
+
+@cache
+def describe(text: str):
+    return describing_function(arguments_of(text), parse(text), name="f")
+
+
+@cache
+def function_of(text: str) -> ca.Function:
+    df = describe(text)
+    assert any(isinstance(product, QuadraticPower) for product in df.products)
+    assert df.error <= 1e-10
+    return element_function(df, ())
+
+
+@cache
+def with_jacobian(text: str) -> ca.Function:
+    function, n = function_of(text), len(arguments_of(text))
+    v = ca.SX.sym("v", n + n * (n + 1) // 2)
+    out = ca.vertcat(*function(v[:n], v[n:], []))
+    return ca.Function("both", [v], [out, ca.jacobian(out, v)])
+
+
+def lower(S) -> np.ndarray:
+    S = np.asarray(S, float)
+    return S[np.tril_indices(len(S))]
+
+
+def found(function: ca.Function, mean, S) -> np.ndarray:
+    return np.concatenate([np.array(r).ravel() for r in function(mean, lower(S), [])])
+
+
+def moments(n: int, rho: float, stds=(0.9, 1.4, 0.6)) -> tuple[np.ndarray, np.ndarray]:
+    stds = np.array(stds[:n])
+    return np.array([0.3, -0.5, 0.8])[:n], np.outer(stds, stds) * rho ** np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
+
+
+def factor(S: np.ndarray) -> np.ndarray:
+    """Lower triangular, zeros on the diagonal allowed."""
+    L = np.zeros_like(S)
+    for k in range(len(S)):
+        left = S[k:, k] - L[k:, :k] @ L[k, :k]
+        if left[0] > 1e-13 * S[k, k]:
+            L[k:, k] = left / np.sqrt(left[0])
+    return L
+
+
+@pytest.mark.parametrize("rho", CORRELATIONS)
+@pytest.mark.parametrize("text", TWO)
+def test_two_arguments_are_the_integral(text, rho):
+    mean, S = moments(2, rho)
+    truth = integrate(arguments_of(text), parse(text), {}, mean, factor(S), tolerance=1e-11, most=3_000_000)
+    values = found(function_of(text), mean, S)
+    assert values[0] == pytest.approx(truth.value, abs=1e-9 * truth.size + 3 * truth.error)
+    along = factor(S).T @ values[1:]  # E[f e] = L^T E[grad f]
+    assert along == pytest.approx(truth.moments, abs=1e-8 * truth.size + 3 * truth.error)
+
+
+@pytest.mark.parametrize("text", THREE[:3])
+def test_three_arguments_are_the_integral(text):
+    mean, S = moments(3, -0.6)
+    truth = integrate(arguments_of(text), parse(text), {}, mean, factor(S), tolerance=1e-7, most=1_500_000)
+    values = found(function_of(text), mean, S)
+    assert values[0] == pytest.approx(truth.value, abs=1e-7 * truth.size + 3 * truth.error)
+    assert factor(S).T @ values[1:] == pytest.approx(truth.moments, abs=1e-7 * truth.size + 3 * truth.error)
+
+
+def power_of_a_length(n: int, power: float, m: float, sd: float) -> mpmath.mpf:
+    """E|z|^(2 power), z ~ N(m, sd^2 1) of n components: the noncentral chi distribution."""
+    with mpmath.workdps(40):
+        p, m, sd = mpmath.mpf(power), mpmath.mpf(m), mpmath.mpf(sd)
+        shift = -(m**2) / (2 * sd**2)
+        return (2 * sd**2) ** p * mpmath.gamma(n / 2 + p) / mpmath.gamma(mpmath.mpf(n) / 2) * mpmath.hyp1f1(-p, n / 2, shift)
+
+
+@pytest.mark.parametrize("n", [2, 3, 4, 6])
+@pytest.mark.parametrize("power", ["0.5", "-0.5", "1.5", "0.15"])
+def test_a_length_is_that_of_the_noncentral_chi_distribution(n, power):
+    function = function_of(f"({' + '.join(f'{z}**2' for z in NAMES[:n])})**({power})")
+    direction = np.array([0.6, -0.8, 0, 0, 0, 0])[:n]
+    for m, sd in ((0.0, 1.0), (0.3, 1.0), (2.0, 1e-3), (1.0, 1e3), (7.0, 1.0), (1e-40, 1e-40)):
+        F, *gain = found(function, m * direction, sd**2 * np.eye(n))
+        wanted = power_of_a_length(n, float(power), m, sd)
+        assert pytest.approx(float(wanted), rel=1e-11) == F
+        if m:
+            slope = mpmath.diff(lambda x, sd=sd: power_of_a_length(n, float(power), x, sd), m, h=1e-12 * max(m, sd))
+            assert gain == pytest.approx(float(slope) * direction, rel=1e-8, abs=1e-13 * F / sd)
+
+
+def test_a_mean_far_away_costs_no_digits():
+    function, (m, s) = function_of("x/sqrt(x**2 + y**2 + 0.25)".replace("0.25", "1")), (1e8, 1.0)
+    F, along, across = found(function, [m, 0], np.diag([s, 2 * s]))
+    assert pytest.approx(1.0, rel=1e-14) == F
+    assert along == pytest.approx((1 + 2 * s) / m**3, rel=1e-11)  # E[(1 + y^2) Q^(-3/2)]
+    assert across == 0
+
+
+FORMS = [
+    "(x**2 + y**2)**0.3", "(x**2 + y**2 + 1e-6)**(-0.5)", "sqrt(x**2 + y**2 + w**2 + q**2)",
+    "((x - 2*y)**2 + (0.3*x + w - 1)**2 + (y + 0.1*w)**2 + 1)**(-1)", "((x + y)**2 + (y - q)**2 + (x + q + 2*w)**2)**1.5",
+]  # fmt: skip
+
+
+@settings(max_examples=60, deadline=None)
+@given(text=st.sampled_from(FORMS), scale=st.sampled_from([1e-6, 1.0, 1e3]), seed=st.integers(0, 10**6))
+def test_steins_lemma_holds_for_random_moments(text, scale, seed):
+    """E[x f] = m E[f] + S E[grad f], each side its own integral."""
+    rng, n = np.random.default_rng(seed), len(arguments_of(text))
+    L = scale * rng.normal(size=(n, n)) * 10.0 ** rng.uniform(-3, 0, n)
+    mean, S = scale * rng.normal(size=n), L @ L.T
+    F, *gain = found(function_of(text), mean, S)
+    turned = found(function_of(f"x*{text}"), mean, S)[0]
+    size = F * np.sqrt(mean[0] ** 2 + S[0, 0])
+    assert mean[0] * F + S[0] @ gain == pytest.approx(turned, rel=1e-10, abs=1e-10 * size)
+
+
+@pytest.mark.parametrize("text", TWO + THREE)
+def test_the_jacobian_is_that_of_differences(text):
+    both, n = with_jacobian(text), len(arguments_of(text))
+    mean, S = moments(n, 0.5)
+    v = np.array([*mean, *lower(S)])
+    F, J = (np.array(r) for r in both(v))
+    assert J[0, :n] == pytest.approx(F[1:].ravel(), rel=1e-12, abs=1e-14)
+
+    def at(step: np.ndarray) -> np.ndarray:
+        return np.array(both(v + step)[0]).ravel()
+
+    for k, h in enumerate(1e-2 * np.eye(len(v))):
+        slope = (8 * (at(h) - at(-h)) - (at(2 * h) - at(-2 * h))) / 12e-2
+        assert J[:, k] == pytest.approx(slope, rel=1e-5, abs=1e-6 * np.abs(J).max())
+
+
+@pytest.mark.parametrize("text", TWO + THREE)
+def test_without_variance_it_is_the_function_and_derivatives_are_its_own(text):
+    both, arguments = with_jacobian(text), arguments_of(text)
+    n, mean, h = len(arguments), np.array([0.7, -0.4, 0.5])[: len(arguments)], 1e-3
+
+    def f(z: np.ndarray) -> float:
+        return float(evaluate(parse(text), dict(zip(arguments, z, strict=True))))
+
+    F, J = (np.array(r) for r in both(np.concatenate([mean, np.zeros(n * (n + 1) // 2)])))
+    assert F[0] == pytest.approx(f(mean), rel=1e-12)
+    gains = [(8 * (f(mean + e) - f(mean - e)) - f(mean + 2 * e) + f(mean - 2 * e)) / (12 * h) for e in h * np.eye(n)]
+    assert F[1:].ravel() == pytest.approx(gains, rel=1e-7, abs=1e-8)
+    curvature = [(f(mean + e) - 2 * f(mean) + f(mean - e)) / (2 * h * h) for e in h * np.eye(n)]  # half of it: heat equation
+    own = [k for k, (i, j) in enumerate((i, j) for i in range(n) for j in range(i + 1)) if i == j]
+    assert J[0, n:][own] == pytest.approx(curvature, rel=1e-4, abs=1e-4)
+
+
+@pytest.mark.parametrize("text", TWO + THREE)
+def test_whatever_vanishes_all_is_finite(text):
+    both, n = with_jacobian(text), len(arguments_of(text))
+    for stds in ((0, 0, 0), (1e-150, 0, 0), (1, 0, 0), (0, 1, 1), (1e3, 1e-6, 1), (1, 1, 0)):
+        for rho in (0.0, 1.0, -1.0):
+            for mean in (np.zeros(n), np.array([0.4, -0.3, 0.2])[:n], np.array([1e8, 0, 0])[:n]):
+                v = np.concatenate([mean, lower(moments(n, rho, stds)[1])])
+                assert all(np.all(np.isfinite(np.array(r))) for r in both(v)), (stds, rho, mean)
+
+
+@pytest.mark.parametrize("text", ["x*sqrt(x**2 + y**2)", "x/sqrt(x**2 + y**2)", "y/sqrt(x**2 + y**2 + 0.01)"])
+def test_with_one_variance_left_there_is_one_argument(text):
+    function, x = function_of(text), NAMES[0]
+    alone = element_function(describing_function((x,), parse(text).subs(NAMES[1], parse("0.3"))), ())
+    assert found(function, [0.4, 0.3], np.diag([0.5, 0]))[:2] == pytest.approx(found(alone, [0.4], [[0.5]]), rel=1e-10)
+    line = element_function(describing_function((x,), parse(text).subs(NAMES[1], parse("0.4 - 2*x"))), ())
+    F, a, b = found(function, [0.3, -0.2], [[0.25, -0.5], [-0.5, 1.0]])
+    assert [F, a - 2 * b] == pytest.approx(found(line, [0.3], [[0.25]]), rel=1e-8)
+
+
+def test_friction_in_the_plane_is_that_along_a_line_when_nothing_moves_across():
+    F, gain, across = found(function_of("x/sqrt(x**2 + y**2)"), [0.4, 0], np.diag([1.0, 0]))
+    sign = element_function(describing_function((NAMES[0],), parse("sign(x)")), ())
+    assert [F, gain] == pytest.approx(found(sign, [0.4], [[1.0]]), rel=1e-8)
+    assert across == 0
+
+
+def test_a_length_does_not_turn_with_the_axes():
+    rng = np.random.default_rng(0)
+    function, mean, S = function_of("sqrt(x**2 + y**2 + w**2)"), np.array([0.7, -0.4, 0.1]), np.diag([1e-12, 1.0, 1e-4])
+    wanted = found(function, mean, S)
+    for _ in range(3):
+        R = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        F, *gain = found(function, R @ mean, R @ S @ R.T)
+        assert [F, *(R.T @ gain)] == pytest.approx(wanted, rel=1e-10)
+
+
+@pytest.mark.parametrize("text", ["x*sqrt(x**2 + y**2)", "y**3/(x**2 + x*y + 2*y**2)", "y*sqrt(x**2 + y**2 + 0.01)"])
+def test_integrals_over_two_variables_give_the_same(text):
+    arguments, wish = arguments_of(text), Wish({})
+    other = homogeneous(arguments, (0, 1), parse(text), wish)
+    products = (other,) if other is not None else planar(arguments, (0, 1), parse(text), wish)
+    assert products
+    function = element_function(dataclasses.replace(describe(text), products=products), ())
+    for rho in CORRELATIONS[:-1]:
+        mean, S = moments(2, rho)
+        assert found(function_of(text), mean, S) == pytest.approx(found(function, mean, S), rel=3e-8, abs=1e-9)
+
+
+def test_parameters_stay_parameters():
+    a, e, x = symbol("a"), symbol("e"), NAMES[0]
+    df = describing_function(tuple(NAMES[:2]), parse("a*x/sqrt(a**2*x**2 + (y - e)**2 + e**2)"), values={a: 2.0, e: 0.5})
+    function, q = element_function(df, (a, e)), ca.SX.sym("q", 2)
+    mean, S = [0.3, 0.2], [0.8, 0.1, 0.5]
+    plain = element_function(describing_function(tuple(NAMES[:2]), parse("3*x/sqrt(9*x**2 + (y - 0.7)**2 + 0.49)")), ())
+    assert np.array(function(mean, S, [3, 0.7])[1]).ravel() == pytest.approx(np.array(plain(mean, S, [])[1]).ravel(), rel=1e-12)
+    slopes = ca.Function("slopes", [q], [ca.jacobian(ca.vertcat(*function(mean, S, q)), q)])
+    for k, h in enumerate(1e-4 * np.eye(2)):
+        ends = [np.concatenate([np.array(r).ravel() for r in function(mean, S, np.array([3, 0.7]) + s * h)]) for s in (1, -1)]
+        assert np.array(slopes([3, 0.7]))[:, k] == pytest.approx((ends[0] - ends[1]) / 2e-4, rel=1e-6, abs=1e-8)
+    assert x in df.body.free_symbols
+
+
+@pytest.mark.parametrize(
+    "text", ["sqrt(x**2 - y**2 + 1)", "sqrt(x**2 + y)", "sqrt(x**2 + y**2 - 1)", "sqrt(x**2 + abs(y))", "sqrt(x**2 + y**4)"]
+)
+def test_what_is_no_sum_of_squares_is_left_to_others(text):
+    powers, rest = quadratic_powers(arguments_of(text), parse(text), "it", Wish({}))
+    assert not powers
+    assert rest == parse(text)
+
+
+@pytest.mark.parametrize("text", ["1/(x**2 + y**2)", "1/(x**2 + y**2 + w**2)**1.5", "x/(x**2 + y**2)**1.5"])
+def test_what_is_infinite_is_refused_with_a_remedy(text):
+    with pytest.raises(LinearisationError, match="no Gaussian expectation.*add a positive number"):
+        describe(text)
+
+
+@pytest.mark.parametrize("text", ["x*sqrt(x**2 + y**2 + w**2)", "w*x/sqrt(x**2 + y**2 + 0.04)"])
+def test_scalar_operations_give_the_same(text):
+    df = describe(text)
+    fixed = tuple(with_count(product, 64) for product in df.products)
+    assert all(product.error < 1e-8 for product in fixed)
+    function = element_function(dataclasses.replace(df, products=fixed), ())
+    assert function.find_functions() == []
+    v = ca.SX.sym("v", 9)
+    out = ca.vertcat(*function(v[:3], v[3:], []))
+    both = ca.Function("both", [v], [out, ca.jacobian(out, v)])
+    for mean, S in (moments(3, 0.5), (np.array([0.4, -0.3, 0.2]), np.zeros((3, 3))), (np.zeros(3), 1e-6 * np.eye(3))):
+        v = np.concatenate([mean, lower(S)])
+        for a, b in zip(both(v), with_jacobian(text)(v), strict=True):
+            assert np.array(a) == pytest.approx(np.array(b), rel=1e-7, abs=1e-8 * np.abs(np.array(b)).max())
+
+
+MISSILE = """
+schema = 1
+name = "drag of a velocity"
+[parameters]
+c = 0.4
+[rates]
+u = "-c*u*sqrt(u**2 + v**2 + w**2) + a"
+v = "-c*v*sqrt(u**2 + v**2 + w**2) - 0.3*w + b"
+w = "-c*w*sqrt(u**2 + v**2 + w**2) + 0.3*v + d"
+[noise]
+a = "1.0"
+b = "0.5"
+d = "0.2"
+[run]
+duration = {duration}
+points = 3
+"""
+
+
+def compiled(tmp_path, duration: float):
+    path = tmp_path / "model.toml"
+    path.write_text(MISSILE.format(duration=duration))
+    return cs.compile(cs.load(path))
+
+
+def test_a_velocity_in_space_runs_from_rest_and_settles(tmp_path):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        model = compiled(tmp_path, 40.0)
+        history, fixed = model.propagate(), model.stationary()
+    assert fixed.state_covariance == pytest.approx(history.state_covariance[-1], rel=1e-6)
+    J, y, h = model.functions.jacobian, np.array([0.1, -0.2, 0.3, 0.5, 0.1, 0.05, 0.4, 0.1, 0.3]), 1e-4
+    rate = model.functions.rate
+    differences = [np.array(rate(0, y + h * e, [0.4]) - rate(0, y - h * e, [0.4])) / (2 * h) for e in np.eye(9)]
+    assert np.array(J(0, y, [0.4])) == pytest.approx(np.hstack(differences), abs=1e-7)
+
+
+def test_gradients_are_differences(tmp_path):
+    model, h = compiled(tmp_path, 1.0), 1e-4
+    slope = model.propagate().gradient("u", ["c"])[-1][0]
+    ends = [float(model.propagate(parameters={"c": 0.4 + s * h}).std["u"][-1]) ** 2 for s in (1, -1)]
+    assert slope == pytest.approx((ends[0] - ends[1]) / (2 * h), rel=1e-5)
