@@ -163,7 +163,8 @@ def _in_forms(
         others = [z for z in symbols if factor.has(z)]
         polynomial = sp.Poly(sp.expand(factor), *y, *others)
     terms = tuple((powers, sp.cancel(c)) for powers, c in polynomial.terms() if c != 0)
-    if len(terms) > MOST_TERMS or polynomial.total_degree() > MOST_DEGREE or max(len(used), len(y) + len(others)) > MAX_ARGUMENTS:
+    size = max(len(used), len(y) + len(others))
+    if size > MAX_ARGUMENTS or len(terms) > MOST_TERMS or polynomial.total_degree() > MOST_DEGREE:
         return None
     forms = tuple(
         (*(sp.cancel(sp.diff(form, z)) for z in symbols), sp.cancel(form.subs(dict.fromkeys(symbols, 0))))
@@ -205,7 +206,8 @@ class _Cases:
 
     def __init__(self, shape: Shape, ratios: tuple[float, ...] = RATIOS):
         self.shape, n = shape, shape.size
-        rows = np.array([(s, q, m, r) for s in SPREADS for q in ratios for m in MEANS for r in LEANS])
+        spreads = (1.0,) if shape.cone else SPREADS  # without c there is no scale
+        rows = np.array([(s, q, m, r) for s in spreads for q in ratios for m in MEANS for r in LEANS])
         spread, ratio, mean, lean = rows.T
         stds = [spread * ratio**i for i in range(n)]
         m = [mean * stds[i] * (-0.7) ** i for i in range(n)]

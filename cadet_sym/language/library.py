@@ -172,6 +172,14 @@ gas_spring = _kind(
     "Polytropic gas spring less its static force F at z = 0: gas column of that length, stopped at z = -stop, "
     "stop < length. Without the stop no Gaussian expectation exists.",
 )
+lateral_spring = _kind(
+    "lateral_spring",
+    "x y",
+    "stiffness length free_length",
+    "stiffness*x*(1 - free_length/sqrt(length**2 + x**2 + y**2))",
+    "Large deflections x, y across a spring of that length: its force along x. Taut if its free length is less (a string, a "
+    "guy rope), snapping through if it is more; the force along y is `lateral_spring(y, x)`.",
+)
 tyre_lift_off = _kind(
     "tyre_lift_off",
     "z",
@@ -219,6 +227,21 @@ multi_slope_damper = _kind(
     "Blow-off valves: in each direction one slope up to a knee, another beyond it.",
 )
 
+drag_in_plane = _kind(
+    "drag_in_plane",
+    "u v",
+    "coefficient",
+    "coefficient*u*sqrt(u**2 + v**2)",
+    "Fluid drag against a velocity (u, v), its component along u: c u |(u, v)|; that along v is `drag_in_plane(v, u)`.",
+)
+drag_in_space = _kind(
+    "drag_in_space",
+    "u v w",
+    "coefficient",
+    "coefficient*u*sqrt(u**2 + v**2 + w**2)",
+    "The same of a velocity (u, v, w), relative to the wind if there is any; for another component put that first.",
+)
+
 # -- friction ---------------------------------------------------------------------------------------------------------
 
 coulomb = _kind(
@@ -234,6 +257,14 @@ coulomb_normal_load = _kind(
     "friction",
     "friction*sign(v)*max(N, 0)",
     "Coulomb friction under a varying normal load N, which cannot pull: mu sign(v) max(N, 0).",
+)
+coulomb_in_plane = _kind(
+    "coulomb_in_plane",
+    "u v",
+    "force speed=0",
+    "force*u/sqrt(u**2 + v**2 + speed**2)",
+    "Coulomb friction against sliding at a velocity (u, v), its component along u; that along v is `coulomb_in_plane(v, u)`. "
+    "Below a `speed`, if one is given, it creeps.",
 )
 stribeck = _kind(
     "stribeck",
