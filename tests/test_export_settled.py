@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import subprocess
+import tracemalloc
 
+import casadi as ca
 import numpy as np
 import pytest
+import sympy as sp
 from conftest import SHIPPED
 from exported import build, sources
 
 import cadet_sym as cs
 from cadet_sym.language.modelfile import loads
-from cadet_sym.lowering.portable import portable
+from cadet_sym.lowering.portable import _settling, portable
 from cadet_sym.solve.transient import Start, integrate
 
 NAMES = [path.stem for path in SHIPPED]
@@ -132,3 +135,18 @@ def test_settled_ground_sets_no_limit_to_the_step(car):
     settled, _ = run(car[1], 1.0, 1.0, 0, 1e-3)
     moving, _ = run(car[1], 1.0 + 1e-9, 1.0, 0, 1e-3)
     assert settled < 0.8 * moving
+
+def test_what_settles_is_found_without_a_matrix_of_all_moments():
+    """That of 200 states took 20 GB."""
+    n = 40
+    x, w = sp.symbols(f"x1:{n + 1}"), sp.Symbol("w")
+    rates = {x[i]: -x[i] + (x[i - 1] / 3 if i else w) for i in range(n)}
+    model = cs.Model(cs.Vehicle(rates=rates), noise=cs.Noise(names=("w",), intensity=sp.eye(1)))
+    lowered = cs.compile(model).functions.symbolic
+    size = lowered.equations.packing.size
+    t, s, V, y, p = (ca.SX.sym("a", k) for k in (1, 1, 1, size, len(lowered.parameters)))
+    held = lowered.held_rate(t, s, V, y, p)
+    tracemalloc.start()
+    _settling(lowered, held, y, ca.vertcat(t, s))
+    assert tracemalloc.get_traced_memory()[1] < size**2
+    tracemalloc.stop()

@@ -75,8 +75,9 @@ def _reached(lowered: MomentFunctions, p: Array, y0: Array, duration: float) -> 
     edges = find_breakpoints(lowered, p, end)
     if packing.ground and not len(edges):
         return end, _explicit(lowered, p, y0, end)
+    engine = "auto" if lowered.large else "direct"  # the same on every machine, but for the large slow
     try:
-        found = integrate(lowered, Start(y0, p, edges), np.array([end]), rtol=1e-9, engine="direct")
+        found = integrate(lowered, Start(y0, p, edges), np.array([end]), rtol=1e-9, engine=engine)
     except SolverError:
         return 0.0, y0
     return end, found.y[-1]

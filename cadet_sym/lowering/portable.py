@@ -137,17 +137,18 @@ def _settling(lowered: LoweredSystem, held: ca.SX, y: ca.SX, explicit: ca.SX) ->
     if packing.ground:
         return ()
     rows, columns = (np.concatenate([range(packing.n), part]) for part in packing.triangle)
-    chosen = columns >= vehicle
-    moved = _dependence(held, explicit)[: packing.moments].any(axis=1)
-    by = _dependence(held, y)[: packing.moments]
-    chosen &= ~moved
-    while (outside := chosen & by[:, ~np.pad(chosen, (0, packing.size - packing.moments))].any(axis=1)).any():
-        chosen &= ~outside
+    chosen = np.pad(columns >= vehicle, (0, packing.size - packing.moments))
+    chosen[_dependence(held, explicit)[0]] = False
+    rates, by = _dependence(held, y)
+    while chosen[outside := rates[~chosen[by]]].any():
+        chosen[outside] = False
     return tuple(Settling(int(k), int(rows[k]), int(columns[k])) for k in np.flatnonzero(chosen))
 
 
-def _dependence(results: ca.SX, arguments: ca.SX) -> npt.NDArray[np.bool_]:
-    return np.asarray(ca.DM(ca.jacobian_sparsity(results, arguments), 1)).astype(bool)
+def _dependence(results: ca.SX, arguments: ca.SX) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    """Pairs of a result and an argument that it depends on."""
+    rows, columns = ca.jacobian_sparsity(results, arguments).get_triplet()
+    return np.array(rows, dtype=np.intp), np.array(columns, dtype=np.intp)
 
 
 def _parts(function: ca.Function, arguments: Sequence[ca.SX]) -> tuple[list[ca.SX], ca.Sparsity]:
