@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 import warnings
 
@@ -151,6 +152,15 @@ def test_an_element_of_two_arguments_is_checked():
     result = check(cs.Element("friction", ["v", "N"], parse("sign(v)*max(N, 0)")))
     assert result.error < 1e-8
     assert result.gain_error < 1e-8
+
+
+def test_an_element_of_many_arguments_is_checked_on_planes():
+    element = cs.Element("speed", list("abcdef"), parse("a*sqrt(a**2 + b**2 + c**2 + d**2 + 1) + e*f*abs(b)"))
+    result = check(element)
+    assert max(result.error, result.gain_error) < 1e-8
+    assert result.cases == 3
+    df = describing_function(element.arguments, element.value)
+    assert check(dataclasses.replace(df, products=df.products[:1])).error > 1e-3
 
 
 def test_the_check_needs_numbers_for_the_parameters():

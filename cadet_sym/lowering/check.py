@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ SEVERAL = {  # the same with a correlation between neighbours
     2: ((0.0, 0.0), *((s, rho) for s in (0.1, 1.0, 10.0) for rho in (-0.95, 0.0, 0.5)), (1.0, 0.999)),
     3: ((0.0, 0.0), (0.3, -0.95), (0.3, 0.5), (1.0, 0.0), (1.0, 0.8)),
 }
+PLANES = (0.0, 0.1, 1.0)  # spreads of more arguments than those
 TOLERANCE = {1: 1e-12, 2: 1e-10, 3: 1e-7}  # asked of the adaptive integration, relative to E|f|
 BUDGET = {1: 4_000_000, 2: 30_000_000, 3: 60_000_000}  # evaluations of f for all cases together
 SURE = 1e-8  # error of the integration itself from which on a case is told apart
@@ -102,14 +103,17 @@ def check(
     df = element if isinstance(element, DescribingFunction) else _describe(element, values or {})
     numbers = _numbers(df, values or {})
     function = element_function(df, tuple(numbers))
-    rows, sure, budget = [], [], BUDGET[len(df.arguments)]
-    grid = list(_grid(df, numbers, scale))
+    rows, sure, over = [], [], len(df.arguments) if len(df.arguments) in BUDGET else 2
+    grid, budget = list(_grid(df, numbers, scale)), BUDGET[over]
     for k, (mean, covariance) in enumerate(grid):
         F, gain = (np.array(x).ravel() for x in function(mean, covariance[np.tril_indices(len(mean))], list(numbers.values())))
         if not covariance.any():
             rows.append((*_without_variance(df, numbers, mean, F[0], scale), mean, covariance))
             continue
-        truth = Truth.of(df, numbers, mean, covariance, TOLERANCE[len(mean)], budget // (len(grid) - k))
+        section, at, spread = df, mean, covariance
+        if over < len(mean):
+            section, at, spread, gain = _on_a_plane(df, mean, covariance, gain)
+        truth = Truth.of(section, numbers, at, spread, TOLERANCE[over], budget // (len(grid) - k))
         budget -= truth.evaluations
         sure.append(truth.own)
         rows += [(*row, mean, covariance) for row in truth.compared(F, gain)]
@@ -174,11 +178,30 @@ def _grid(df: DescribingFunction, numbers: Mapping[sp.Symbol, float], scale: flo
                     s = spread * scale
                     yield np.array([point + place * (s or scale)]), np.array([[s * s]])
         return
+    if count not in SEVERAL:  # on planes through the mean, which is as far as integration goes
+        for spread in PLANES:
+            s, angle = (spread or 1.0) * scale * (1 + 0.4 * np.arange(count)), np.arange(1, count + 1)
+            root = np.sign(spread) * s * np.array([np.cos(angle), np.sin(angle)])
+            yield s * np.linspace(0.5, -0.8, count), root.T @ root
+        return
     for spread, rho in SEVERAL[count]:
         s = spread * scale * (1 + 0.4 * np.arange(count))
         correlation = rho ** np.abs(np.subtract.outer(np.arange(count), np.arange(count)))
         mean = np.array([p[0] for p in points]) + (s if spread else scale) * np.linspace(0.5, -0.8, count)
         yield mean, correlation * np.outer(s, s)
+
+
+def _on_a_plane(
+    df: DescribingFunction, mean: np.ndarray, covariance: np.ndarray, gain: np.ndarray
+) -> tuple[DescribingFunction, np.ndarray, np.ndarray, np.ndarray]:
+    """A function of many arguments, with a covariance of rank two, as one of two of its own; and its gains in these."""
+    variances, axes = np.linalg.eigh(covariance)
+    root = axes[:, -2:] * np.sqrt(variances[-2:])
+    e = sp.symbols("e1 e2", real=True, cls=sp.Dummy)
+    exact = [[sp.Rational(float(x)) for x in row] for row in np.column_stack([mean, root])]
+    points = (m + a * e[0] + b * e[1] for m, a, b in exact)
+    body = df.body.xreplace(dict(zip(df.arguments, points, strict=True)))
+    return replace(df, arguments=tuple(e), body=body), np.zeros(2), np.eye(2), root.T @ gain
 
 
 Row = tuple[float, bool, float, float]
