@@ -16,7 +16,7 @@ Read it in the order in which a model passes through it:
     solve/           integrate them, find their fixed points
     compilation.py   all of the above in one, through the cache.py of what was made before
     runs.py          run it over a time, once or with many values of its parameters
-    stationary.py    find the moments that stay as they are
+    stationary.py    find the moments that stay as they are; solutions.py and results.py hold what was found
     compiled.py      what `compile` returns, and what can be done with it
     export/          C that stands alone
     sweeps.py        the same model at many values of its parameters

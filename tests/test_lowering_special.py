@@ -16,7 +16,6 @@ from cadet_sym.lowering.special import (
     hermite,
     mills_moments,
     mills_ratio,
-    upper_tail,
 )
 
 
@@ -62,14 +61,6 @@ def test_mills_ratio_and_its_slope_to_full_accuracy():
             assert value == pytest.approx(float(wanted), rel=1e-15)
             if x < 100:
                 assert slope == pytest.approx(float(x * wanted - 1), rel=1e-10, abs=1e-14)  # R' = x R - 1
-
-
-def test_the_tail_of_the_normal_distribution_on_both_sides():
-    f = compiled(upper_tail)
-    for x in [-45.0, -8.0, -1.0, 0.0, 0.3, 5.0, 20.0, 37.0]:
-        value, slope = (float(v) for v in f(x))
-        assert value == pytest.approx(float(mp.ncdf(-x)), rel=1e-13)
-        assert slope == pytest.approx(-float(mp.npdf(x)), rel=1e-9, abs=1e-300)
 
 
 @pytest.mark.parametrize("count", [3, 6])

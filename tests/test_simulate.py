@@ -82,12 +82,12 @@ def test_a_pair_is_the_two_runs_it_stands_for():
 
 def test_two_programs_never_share_a_name():
     """Machine code is found by the names of functions, also where it was compiled by another process."""
-    from cadet_sym.simulation import fast
+    from cadet_sym.simulation import translated
 
     programs = [Problem(augment(m), np.array([1.0])).program for m in (oleo("R43C"), toml(HALF_CAR))]
-    pairs = [fast.compile_program(program.numba_source) for program in programs]
+    pairs = [translated.compile_program(program.numba_source) for program in programs]
     assert len({function.__name__ for pair in pairs for function in pair}) == 4
-    assert fast.compile_program(programs[0].numba_source) is pairs[0]
+    assert translated.compile_program(programs[0].numba_source) is pairs[0]
 
 
 SMALL_RUN = """

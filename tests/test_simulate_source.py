@@ -111,9 +111,9 @@ def test_measured_curves_are_searched(engine, outside, method):
     if engine == "numpy":
         found = curves.lookup(at, table, 3, len(rows))
     else:
-        from cadet_sym.simulation import fast
+        from cadet_sym.simulation import translated
 
-        found = [fast.NAMESPACE["lookup"](float(a), table, 3, len(rows)) for a in at]
+        found = [translated.NAMESPACE["lookup"](float(a), table, 3, len(rows)) for a in at]
     assert np.allclose(found, evaluate(curve, {z: at}), rtol=1e-13, atol=1e-13)
 
 

@@ -110,12 +110,6 @@ def _polynomial(coefficients: Sequence[float], y: ca.SX) -> ca.SX:
     return (chains[0] + y * chains[1]) + square * (chains[2] + y * chains[3])
 
 
-def upper_tail(x: ca.SX) -> ca.SX:
-    """1 - Phi(x), to full relative accuracy on both sides."""
-    near = density(clipped(x)) * mills_ratio(magnitude(clipped(x)))
-    return ca.if_else(x >= 0, near, 1 - near)
-
-
 def complex_mills_ratio(x: Complex) -> Complex:
     """int_0^inf exp(-x t - t^2/2) dt for Re x >= 0, to 2e-14.
 
