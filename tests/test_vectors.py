@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from test_machine import compiled_function, virtual
 
-from cadet_sym.lowering import llvm, vectors
+from cadet_sym.lowering import llvm, scalars, vectors
 from cadet_sym.lowering.machine import machine_code
 
 DIGITS = 40
@@ -106,6 +106,24 @@ def test_a_column_does_not_depend_on_those_beside_it(count):
     alone = ca.Function("f", [X, z], [twice(ca.repmat(X[:, k], 1, 2), z)[0][:, 1] for k in range(count)])
     for k, one in enumerate(compiled_function(alone)(np.asfortranarray(given[:, :count]).ravel(order="F"), np.array(0.7))):
         np.testing.assert_array_equal(first.reshape(count, 2)[k], one)
+
+
+@pytest.mark.parametrize("length", [3, 1000])
+def test_scalars_that_do_not_wait_for_each_other_are_taken_together(length, monkeypatch):
+    monkeypatch.setattr(scalars, "BLOCK", length)
+    x, a = ca.SX.sym("x", 11), ca.MX.sym("a", 3)
+    each = ca.Function("each", [a], [ca.sqrt(a), a[0] * a[1]], {"never_inline": True})
+    first = [ca.exp(x[k]) for k in range(11)]
+    root, product = each(ca.vertcat(*first[:3]))
+    second = [ca.exp(-v) * ca.tanh(root[k % 3] * v) for k, v in enumerate(first)]
+    third = [ca.sin(v + product) + ca.sin(first[k]) + ca.log(x[k]) for k, v in enumerate(second)]
+    function = ca.Function("f", [x], [ca.vertcat(*third), ca.vertcat(*first), product])
+    text = llvm.intermediate(function, "f")
+    assert all((f"call void @{kind}.scalars(" in text) is (length > 3) for kind in ("exp", "tanh", "sin", "log"))
+    given = np.linspace(0.1, 2.0, 11)
+    for effort in (0, 1):
+        for found, wanted in zip(compiled_function(function, effort)(given), virtual(function, [given]), strict=True):
+            np.testing.assert_allclose(found, wanted, rtol=1e-14)
 
 
 @pytest.mark.parametrize("count", [1, 3, 8, 12, 29])

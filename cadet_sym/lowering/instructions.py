@@ -1,7 +1,7 @@
 """LLVM's intermediate language, a piece at a time: numbers, single operations by CasADi's names, loops.
 
-No licence is given to change the arithmetic, so that machine code gives CasADi's own numbers to the last bit, but for the two
-things that `lowering.lanes` names.
+No licence is given to change the arithmetic, so that machine code gives CasADi's own numbers to the last bit, but for
+exponentials and their like that are taken several at a time (`lowering.vectors`) and sums over columns (`lowering.lanes`).
 """
 
 from __future__ import annotations

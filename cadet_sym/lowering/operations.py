@@ -90,6 +90,19 @@ def operations(function: ca.Function) -> list[Operation]:
     return found
 
 
+def reordered(steps: Sequence[Operation], order: Sequence[int]) -> list[Operation]:
+    """The same operations in another order, in which each comes after what it needs."""
+    place = {k: there for there, k in enumerate(order)}
+    found = []
+    for kind, operands, entry, called in map(steps.__getitem__, order):
+        if kind == "RESULT":
+            assert entry is not None
+            entry = entry._replace(vector=place[entry.vector])
+        moved = tuple(place[each] if type(each) is int else each for each in operands)
+        found.append(Operation(kind, moved, entry, called))
+    return found
+
+
 def size(function: ca.Function) -> int:
     """How many operations there are in a function and in those that it calls, each of these counted once."""
     every = [function, *function.find_functions()]

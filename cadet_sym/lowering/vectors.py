@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from cadet_sym.lowering.instructions import SEVERAL, Module
 
-__all__ = ["VECTORS", "vector"]
+__all__ = ["VECTORS", "of_scalars", "vector"]
 
 EXP = (  # (e^r - 1 - r)/r^2, |r| <= 0.3467
     *(0.5, 0.16666666666666671003, 0.041666666666666676802, 0.0083333333333261192989, 0.0013888888888879052595),
@@ -270,6 +270,21 @@ def vector(k: int, kind: str, x: str, module: Module, *, in_place: bool) -> list
     if name not in module.loops:
         module.loops[name] = _function(name, kind, module)
     return [f"  %a{k} = call {N} @{name}({N} {x})"]
+
+
+def of_scalars(kind: str, module: Module) -> str:
+    """The name of a function (pointer, eight numbers) that writes eight numbers there.
+
+    So they are moved to and from the registers of single numbers in one place, and not wherever there are some.
+    """
+    name = f"{kind.lower()}.scalars"
+    if name not in module.loops:
+        lanes = range(SEVERAL.lanes or 1)
+        lines = [f"  %v{i} = insertelement {N} {f'%v{i - 1}' if i else 'poison'}, double %x{i}, i64 {i}" for i in lanes]
+        lines += vector(0, kind, f"%v{lanes[-1]}", module, in_place=True)
+        head = f"define internal void @{name}(ptr %p, {', '.join(f'double %x{i}' for i in lanes)}) nounwind {{"
+        module.loops[name] = "\n".join([head, *lines, f"  store {N} %a0, ptr %p", "  ret void", "}\n"])
+    return name
 
 
 def _function(name: str, kind: str, module: Module) -> str:
