@@ -398,6 +398,28 @@ def test_derivatives_of_another_run_are_refused(monkeypatch):
         compiled.gradient(compiled.states[1], compiled.parameters[:1], method="forward")
 
 
+@pytest.mark.parametrize("method", ["forward", "adjoint"])
+def test_derivatives_end_in_one_sentence_where_friction_brings_to_rest_without_noise(method):
+    text = """
+    name = "slide"
+    [parameters]
+    mu = 2.0
+    v0 = 3.0
+    [rates]
+    x = "v"
+    v = "-mu*sign(v)"
+    [initial]
+    v = "v0"
+    [run]
+    duration = 3.0
+    """
+    compiled = cs.compile(toml(text))
+    before = compiled.gradient("x", times=[1.0], moment="mean", method=method)  # v0 t - mu t^2/2
+    np.testing.assert_allclose(before, [[-0.5, 1.0]], rtol=1e-8)
+    with pytest.raises(SolverError, match=r"break down between t = \S+ and 3: CVODES gives up .* differences of runs"):
+        compiled.gradient("x", times=[3.0], moment="mean", method=method)
+
+
 def test_a_breakpoint_that_comes_or_goes_is_said():
     compiled = compiled_model("pulse")
     with pytest.raises(SolverError, match="comes or goes"):

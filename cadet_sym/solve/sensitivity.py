@@ -11,6 +11,7 @@ be wrong in silence from three parameters on.
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import redirect_stderr
 from dataclasses import dataclass, replace
@@ -219,7 +220,11 @@ def adjoint(
     states = [start.y]
     for stretch in stretches:
         run = _plain(lowered, float(stretch.grid[-1] - stretch.begin), *BACKWARDS[0])
-        states.append(np.asarray(run(x0=states[-1] / size, p=ca.vertcat(start.p, size, stretch.begin))["xf"])[:, -1] * size)
+        try:
+            found = run(x0=states[-1] / size, p=ca.vertcat(start.p, size, stretch.begin))["xf"]
+        except RuntimeError as error:
+            raise _failure(stretch, error) from None
+        states.append(np.asarray(found)[:, -1] * size)
     for stretch, y in zip(reversed(stretches), reversed(states[:-1]), strict=True):
         bar, gained = _backwards(lowered, start.p, stretch, y, size, bar)
         slope += gained
@@ -304,9 +309,12 @@ def _scaled(name: str, rate: ca.Function, count: int, size: int, grid: list[floa
 
 
 def _failure(stretch: _Stretch, reason: object) -> SolverError:
+    said = re.search(r'CVode\w* returned "(\w+)"', str(reason))
+    what = f"CVODES gives up ({said[1]})" if said else str(reason).splitlines()[0][:200].rstrip(".")
     return SolverError(
-        f"the derivatives break down between t = {stretch.begin:.6g} and {stretch.grid[-1]:.6g}: "
-        f'{str(reason).splitlines()[0][:200]}. Try `method="forward"`, or an earlier time.',
+        f"the derivatives break down between t = {stretch.begin:.6g} and {stretch.grid[-1]:.6g}: {what}. Try the other "
+        "method (forward, adjoint) or an earlier time. Where friction brings something to rest without noise, take "
+        "differences of runs.",
         time=stretch.begin,
     )
 
