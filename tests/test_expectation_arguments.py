@@ -13,12 +13,15 @@ import pytest
 import sympy as sp
 from conftest import ROOT
 from gaussian_integrals import covariance, two
+from nested_integrals import function_of, truth
+from sympy.core.symbol import Str
 
 import cadet_sym as cs
 from cadet_sym.errors import ExpectationWarning, LinearisationError
 from cadet_sym.expectation import describing_function
 from cadet_sym.language.expression import parse, symbol
 from cadet_sym.language.numeric import evaluate
+from cadet_sym.language.vocabulary import Lookup
 from cadet_sym.lowering.check import check
 from cadet_sym.lowering.elements import element_function
 from cadet_sym.lowering.measured import measured, measured_error
@@ -44,6 +47,12 @@ INTEGRATED = {
     "tanh(x)*abs(y)": ([], [0]),
     "min(max(x, -y), y)": None,
 }
+NEAR = [  # roots beside kinks of the other argument, which may lie at the end where the root is; measured curves
+    "clip(x, -1, 0.5)*sqrt(abs(y - 0.5))", "min(2*y + 1, 1)*abs(2*x + 1)**0.5", "sqrt(abs(x - 0.5))*sqrt(abs(y - 0.3))",
+    "asin(clip(2*x + 1, -1, 1))*heaviside(1.3*y - 0.3)",
+    "curve(x)*tanh(y)", "curve(x)*(1 + max(y, -0.9))**(-1.4)",
+]  # fmt: skip
+CURVE = np.array([-2.0, -1.1, -0.3, 0.4, 1.2, 2.5]), np.array([-1.5, -1.2, -0.2, 0.5, 0.9, 2.0])
 MOMENTS = [((0.0, 0.0), (1.0, 1.0)), ((0.4, -0.3), (0.7, 1.5))]
 CORRELATIONS = [0.0, 0.5, -0.95, -0.999999, 1.0, -1.0]
 
@@ -65,6 +74,30 @@ def test_any_correlation_gives_the_integral(text):
             wanted = two(lambda x, y: np.broadcast_to(plain(text, x, y), y.shape), mean, stds, rho, kinks)
             assert float(F) == pytest.approx(wanted, rel=1e-8, abs=1e-8), (mean, stds, rho)
             assert np.all(np.isfinite(np.asarray(gain)))
+
+
+@pytest.mark.parametrize("text", NEAR)
+def test_roots_beside_kinks_and_curves_are_integrated_at_any_correlation_with_finite_derivatives(text):
+    points = (sp.Tuple(*(sp.Rational(str(v)) for v in column)) for column in CURVE)
+    body = parse(text.replace("curve(x)", "curve")).subs(symbol("curve"), Lookup(X, *points, Str("extrapolate"), Str("linear")))
+    df = describing_function((X, Y), body, name="f")
+    function, v = element_function(df, ()), ca.SX.sym("v", 5)
+    moments = ca.vertcat(*function(v[:2], v[2:], []))
+    J = ca.Function("J", [v], [moments, ca.jacobian(moments, v)])
+    assert df.error <= 1e-8
+    for mean, stds in (((-1.2, -0.85), (0.75, 0.5)), ((0.0, 0.7), (1.5, 1.0))):
+        for rho in (0.0, 0.5):
+            L = np.array([[stds[0], 0], [rho * stds[1], stds[1] * np.sqrt(1 - rho**2)]])
+            wanted = truth(*function_of(text, ("x", "y"), {}, {"curve": CURVE}), mean, L, 1e-10)
+            moments, slopes = (np.array(x) for x in J([*mean, *covariance(stds, rho)]))
+            H, size = slopes[1:, :2], wanted.size
+            assert moments[0, 0] == pytest.approx(wanted.value, abs=1e-9 * size), (mean, stds, rho)
+            assert L.T @ moments[1:, 0] == pytest.approx(wanted.gains, abs=1e-8 * size)
+            assert pytest.approx(wanted.bends, abs=1e-7 * size) == L.T @ H @ L
+            heat = np.array([H[0, 0] / 2, H[1, 0], H[1, 1] / 2])
+            assert slopes[0, 2:] == pytest.approx(heat, abs=1e-6 * np.abs(heat).max())
+        for rho in (1.0, -1.0, 0.999999):
+            assert np.all(np.isfinite(np.array(J([*mean, *covariance(stds, rho)])[1])))
 
 
 @pytest.mark.parametrize("text", CLOSED)

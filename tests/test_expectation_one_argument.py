@@ -119,6 +119,15 @@ PARAMETERS = {
     "a**z": ({"a": 1.5}, []),
     "exp(-(z/a)**2)*sign(z)": ({"a": 0.2}, [0]),
     "max(z**2 - a, b)": ({"a": 1.0, "b": 0.5}, [-(1.5**0.5), 1.5**0.5]),
+    # pieces that are empty for these numbers, but not for others
+    "log(1 + clip(a*z + 0.1, -1, b)**2)": ({"a": 0.6, "b": 0.5}, [-1.1 / 0.6, 0.4 / 0.6]),
+    "(z - a)**5/(1 + abs(z - a))*abs(z)": ({"a": 0.7}, [0, 0.7]),
+    # a pole at the end where the root is
+    "(sqrt(z) if z > 0 else 0)*cosh(0.3*(2*z + 1))*erf(clip(z - 0.5, -1, 0.5))": ({}, [0, 1]),
+    # waves between kinks, and of a phase, that are parameters
+    "abs(a*z + 0.1)*cos(clip(z, -1, b))": ({"a": 0.6, "b": 0.5}, [-1, -0.1 / 0.6, 0.5]),
+    "sin(min(a*z + 0.1, 1))**2": ({"a": 0.6}, [1.5]),
+    "sin(z - a)*max(z - b, 0)": ({"a": 0.7, "b": 0.2}, [0.2]),
 }
 
 

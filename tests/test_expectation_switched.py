@@ -8,6 +8,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 import pytest
+import sympy as sp
 
 from cadet_sym.expectation import describing_function
 from cadet_sym.expectation.adaptive import integrate
@@ -27,6 +28,7 @@ WITH_PARAMETERS = [
     "max(x**2 - 2*x*y - y**2 + k*x - c, 0)", "y**2*max(x**2 - 2*x*y + 5*y**2 + k*x - c, 0)",
 ]  # fmt: skip
 NUMBERS = {K: 1.3, C: 0.7}
+EXACT = {K: sp.Rational(13, 10), C: sp.Rational(7, 10)}
 CASES = [
     ((0.4, -0.3), (0.7, 1.5), 0.5), ((2.0, 1.0), (3.0, 2.0), -0.999999), ((-0.6, 0.2), (0.05, 0.3), 0.0),
     ((0.0, 0.0), (10.0, 10.0), 0.3), ((-9.0, 4.0), (10.0, 8.0), 1.0), ((0.9, 1.2), (0.4, 0.1), -1.0),
@@ -83,6 +85,20 @@ def test_without_variance_it_is_the_function_and_all_is_finite(text):
             if max(variances) < 0.1:
                 plain = float(evaluate(parse(text), {**NUMBERS, X: mean[0], Y: mean[1]}))
                 assert found[0][0, 0] == pytest.approx(plain, abs=1e-9)
+
+
+@pytest.mark.parametrize("text", [*TEXTS, *WITH_PARAMETERS])
+@pytest.mark.parametrize("deviation", [0.0, 1e-30, 1e-14])
+def test_one_vanishing_variance_leaves_the_function_of_the_other_argument(text, deviation):
+    function = element_function(describe(text), (K, C))
+    for free, held in ((X, Y), (Y, X)):
+        for there, m, s in ((-1.2, 2.0, 1.0), (0.7, 0.4, 1.0), (1.3, -0.2, 3.0)):
+            alone = describing_function((free,), parse(text).subs({held: sp.Rational(str(there)), **EXACT}), name="f")
+            F, gain = (float(x) for x in element_function(alone, ())(m, s * s, []))
+            mean, stds = ((m, there), (s, deviation)) if free == X else ((there, m), (deviation, s))
+            found, gains = function(mean, covariance(stds, 0.0), [1.3, 0.7])
+            assert float(found) == pytest.approx(F, rel=1e-9, abs=1e-9)
+            assert float(gains[0 if free == X else 1]) == pytest.approx(gain, rel=1e-9, abs=1e-9)
 
 
 def test_the_curvature_in_the_variance_is_half_that_in_the_mean_where_nothing_varies():

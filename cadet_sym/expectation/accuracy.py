@@ -56,13 +56,15 @@ def _reference(part: Integral) -> Rule:
 def chosen(part: Integral, where: str, wish: Wish) -> Integral:
     """The piece with the cheapest rule that is accurate enough; a warning if none is.
 
-    Where the number of a parameter is not known, numbers near one stand for it and nothing is warned of.
+    Where the number of a parameter is not known, numbers near one stand for it and nothing is warned of; nor where for the
+    numbers known the piece is empty, which it may not be for others.
     """
     free = (part.value.free_symbols | part.lower.free_symbols | part.upper.free_symbols) - {part.argument}
-    known = free <= wish.sample.keys()
+    sample = wish.sample if free <= wish.sample.keys() and not _is_empty(part, wish.sample) else {}
+    known = free <= sample.keys()
     best = replace(part, rule=rules(part)[min(UNCHECKED, len(rules(part)) - 1)], error=np.inf)
     for guess in UNKNOWN[: 1 if known else None]:
-        numbers = {s: float(wish.sample.get(s, guess**i)) for i, s in enumerate(sorted(free, key=str))}
+        numbers = {s: float(sample.get(s, guess**i)) for i, s in enumerate(sorted(free, key=str))}
         if _is_finite(part, numbers):
             found = _cheapest(part, numbers, wish)
             best = found if found.error < best.error else best
@@ -128,22 +130,28 @@ class _Reference:
         return float(errors.max()) if errors.size else 0.0
 
 
-def _is_finite(part: Integral, numbers: dict[sp.Symbol, float]) -> bool:
+def _is_empty(part: Integral, numbers: Mapping[sp.Symbol, float]) -> bool:
+    """Whether the upper end is not above the lower one."""
+    low, high = _ends(part, numbers)
+    return not low < high
+
+
+def _is_finite(part: Integral, numbers: Mapping[sp.Symbol, float]) -> bool:
     """Whether the expression has finite values within its cell."""
     low, high = _ends(part, numbers)
-    if not low < high:
+    if _is_empty(part, numbers):
         return False
     points = np.array([0.5 * (low + high), low + 0.1 * (high - low), low + 0.9 * (high - low)])
     return bool(np.all(np.isfinite(_value(part, numbers, points))))
 
 
-def _ends(part: Integral, numbers: dict[sp.Symbol, float]) -> tuple[float, float]:
+def _ends(part: Integral, numbers: Mapping[sp.Symbol, float]) -> tuple[float, float]:
     low = -np.inf if part.lower.is_infinite else evaluate(part.lower, numbers)
     high = np.inf if part.upper.is_infinite else evaluate(part.upper, numbers)
     return (low if np.isfinite(low) else min(high, 0.0) - 3.0), (high if np.isfinite(high) else max(low, 0.0) + 3.0)
 
 
-def _value(part: Integral, numbers: dict[sp.Symbol, float], z: np.ndarray) -> np.ndarray:
+def _value(part: Integral, numbers: Mapping[sp.Symbol, float], z: np.ndarray) -> np.ndarray:
     try:
         value = evaluate(part.value, {**numbers, part.argument: z})
     except ModelError:

@@ -172,7 +172,7 @@ def jump_of(terms: tuple[Term, ...], order: int) -> sp.Expr:
     for _ in range(order):
         terms = tuple(t.derivative() for t in terms)
     total = sp.Add(*(t.coefficients[0] for t in terms if t.coefficients))
-    return total.as_real_imag()[0] if total.has(sp.I) else total
+    return (total + total.xreplace({sp.I: -sp.I})) / 2 if total.has(sp.I) else total  # all else in it is real
 
 
 def about(centre: sp.Expr, coefficients: Coefficients) -> Coefficients:

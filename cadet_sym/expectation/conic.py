@@ -15,7 +15,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import reduce
 from typing import ClassVar
 
 from cadet_sym.expectation.algebra import Algebra, Number
@@ -32,6 +33,7 @@ ALMOST = 1e-5  # of the distance to a pole, what the bend of the curve makes of 
 LOST = 1e-13  # relative distances that rounding leaves nothing of
 FAR = 1e60
 TINY = 1e-200
+LEAST = 3e-10  # of what a curve rises over a standard deviation, the least standard deviation across
 TWO_SIDED, STEEPEST = 40.0, 1e-12
 
 
@@ -275,6 +277,23 @@ class Circle:
         for steep, depth, off in zip(own[::2], own[1::2], away, strict=True):
             turning = turning - steep / (2 * (depth + 2 * xp.sin((off + d) / 2) ** 2))
         return Point(p, q, w, (-q / s, (p + lean * (q / s)) / left), turning)
+
+
+def widened(at: Moments, kind: str, shapes: Sequence[Sequence[Number]], xp: Algebra) -> Moments:
+    """The same, no narrower in one direction than rounding in the other leaves of where a curve passes the mean.
+
+    That is `LEAST` of by how much the curve rises over a standard deviation of p: what has so little variance has none.
+    """
+    rises: list[Number] = [0.0 * at.s]
+    for shape in shapes:
+        if kind == "parabola":
+            a, b, _ = shape
+            rises.append((xp.fabs(2 * a * at.m + b) + xp.fabs(a) * at.s) * at.s)
+        else:
+            rises.append(xp.fabs(at.mean) if kind == "hyperbola" else at.s)
+    least = LEAST * reduce(xp.fmax, rises)
+    s = xp.fmax(at.s, LEAST * at.spread) if kind == "circle" else at.s
+    return replace(at, s=s, left=xp.fmax(at.left, least), spread=xp.fmax(at.spread, least))
 
 
 Curve = type[Parabola] | type[Hyperbola] | type[Circle]

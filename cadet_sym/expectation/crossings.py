@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,7 @@ from cadet_sym.expectation.pieces import TINY
 if TYPE_CHECKING:
     from cadet_sym.expectation.describing import DescribingFunction
 
-MAX_CROSSINGS = 4
+MAX_CROSSINGS = 12
 MAX_CURVES = 2
 CURVED_ERROR = 1e-4  # of gains, the largest found where kinks lie on a curve
 LOST_ERROR = 0.1  # the same where there are too many to follow
@@ -51,6 +51,9 @@ def crossings_of(inside: Sequence[DescribingFunction], z: sp.Symbol, others: tup
             error = CURVED_ERROR
             curve = _curve(position, z)
             curves.update({} if curve is None else {(argument, curve): width})
+    knots = sorted(_knots(inside), key=lambda knot: -knot[2])  # those first at which most changes
+    straight += dict.fromkeys(Crossing(others[i], position, sp.S.Zero, None) for i, position, _ in knots if not position.has(z))
+    error = error if len(straight) <= MAX_CROSSINGS else max(error, CURVED_ERROR)
     if len(curves) <= MAX_CURVES:
         straight += [
             Crossing(argument, sp.S.Zero, sp.S.One, width, curve, _ON_CURVE, branch)
@@ -60,6 +63,11 @@ def crossings_of(inside: Sequence[DescribingFunction], z: sp.Symbol, others: tup
     else:
         error = LOST_ERROR
     return straight[:MAX_CROSSINGS], error
+
+
+def _knots(inside: Sequence[DescribingFunction]) -> Iterator[tuple[int, sp.Expr, float]]:
+    for product in dict.fromkeys(product for df in inside for product in df.products):
+        yield from getattr(product, "knots", tuple)()
 
 
 _ON_CURVE = sp.Dummy("y", real=True)

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from cadet_sym.expectation.describing import DescribingFunction
 
 WITH_STEPS = Rule(1, 24, straight=32)
+WITH_STEPS_AND_POLES = Rule(1, 40, straight=40)
 WITH_CURVES = Rule(3, 24, straight=32)
 AT_ENDS = Rule(1, 16, straight=24, graded=20)
 TRAPEZOIDAL = Rule(order=80)
@@ -363,7 +364,8 @@ def _ruled(piece: Slice, crossings: tuple[Crossing, ...], plain: bool) -> Slice:
         rule = TRAPEZOIDAL
     elif any(place.step for place in part.steep) or any(part.singular):
         on_curves = any(crossing.curve is not None for crossing in crossings)
-        rule = (AT_ENDS if any(part.singular) else WITH_CURVES) if on_curves else WITH_STEPS
+        with_steps = WITH_STEPS if all(place.step for place in part.steep) else WITH_STEPS_AND_POLES
+        rule = (AT_ENDS if any(part.singular) else WITH_CURVES) if on_curves else with_steps
     return replace(piece, part=replace(part, rule=rule))
 
 

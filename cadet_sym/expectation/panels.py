@@ -246,9 +246,12 @@ class _Layout:
         rows = []
         for (centre, width), kind in zip(steep, self.part.steep, strict=True):
             inside, wide = self.projected(centre, width, low, high)
+            if self.singular:  # what lies beyond the singular end is mirrored there, that no panel but the first begins at it
+                inside = self.xp.fmin(self.xp.fmax(centre, 2 * low - centre), high)
             if not kind.step:
                 wide = self.xp.frozen(wide)
-                inside = self.xp.frozen(inside) if kind.sides == 2 else inside
+                rounded = self.xp.frozen(inside) if kind.sides == 2 else inside
+                inside = self.xp.fmin(self.xp.fmax(rounded, low), high)  # not beyond an end where f has no values
             scale, over = (WIDEST, STEP_REACH * wide) if kind.step else (wide, WIDEST)
             rows.append((inside, scale, over))
         return [_Place(*row) for row in _sorted(rows, self.xp)]

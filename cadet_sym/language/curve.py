@@ -81,7 +81,12 @@ def pieced(polynomials: Sequence[sp.Expr], edges: Sequence[sp.Expr], z: sp.Expr)
 
 
 def _polynomial(piece: Sequence[sp.Rational], z: sp.Expr, knot: sp.Rational) -> sp.Expr:
-    """c0 + c1 (z - k) + ... as it stands: SymPy's evaluation of thousands of them would take seconds."""
+    """c0 + c1 (z - k) + ... as it stands: SymPy's evaluation of thousands of them would take seconds.
+
+    Unless z is a sum: one within another is no polynomial to SymPy.
+    """
+    if z.is_Add:
+        return sp.Add(*(c * (z - knot) ** n for n, c in enumerate(piece)))
     d = sp.Add(z, -knot, evaluate=False) if knot != 0 else z
     terms = [piece[0]] if piece[0] != 0 else []
     for n, c in enumerate(piece[1:], start=1):

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import reduce
 
 import casadi as ca
+import sympy as sp
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,33 @@ class Complex:
         if self.imaginary is None:
             return self.real * self.real
         return self.real * self.real + self.imaginary * self.imaginary
+
+
+def converted(expr: sp.Expr, real: Callable[[sp.Basic], ca.SX]) -> Complex:
+    """An expression in real symbols and the imaginary unit; `real` converts what is real."""
+    if not expr.has(sp.I):
+        return Complex(real(expr))
+    if expr == sp.I:
+        return Complex(ca.SX(0), ca.SX(1))
+    if isinstance(expr, sp.Add):
+        return reduce(lambda a, b: a + b, (converted(term, real) for term in expr.args))
+    if isinstance(expr, sp.Mul):
+        plain, rest = expr.as_independent(sp.I, as_Add=False)
+        factors = (converted(factor, real) for factor in sp.Mul.make_args(rest))
+        return reduce(lambda a, b: a * b, factors) * real(plain)
+    if isinstance(expr, sp.exp):
+        return complex_exp(converted(expr.args[0], real))
+    if isinstance(expr, sp.Pow) and expr.exp.is_Integer:
+        power = reduce(lambda a, b: a * b, [converted(expr.base, real)] * abs(int(expr.exp)))
+        return power if expr.exp > 0 else power.inverse()
+    if isinstance(expr, sp.Piecewise):
+        *branches, (value, _) = expr.args
+        result = converted(value, real)
+        for value, condition in reversed(branches):
+            result = select(real(condition), converted(value, real), result)
+        return result
+    parts = expr.as_real_imag()
+    return Complex(*(real(part) for part in parts))
 
 
 def complex_exp(z: Complex) -> Complex:

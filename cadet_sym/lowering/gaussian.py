@@ -18,7 +18,7 @@ from cadet_sym.expectation.steep import about_end, without_cancellation
 from cadet_sym.expectation.tables import Table
 from cadet_sym.expectation.univariate import Apart, Bounded, Univariate
 from cadet_sym.lowering.algebra import CasadiAlgebra
-from cadet_sym.lowering.complex import Complex, complex_exp, select
+from cadet_sym.lowering.complex import Complex, complex_exp, converted, select
 from cadet_sym.lowering.errorfunction import error_function_moment
 from cadet_sym.lowering.expressions import Lowering
 from cadet_sym.lowering.special import clipped, density, density_sum, hermite, magnitude, mills_moments, positive_part
@@ -59,10 +59,7 @@ class Gaussian:
 
     def complex_value(self, expr: sp.Expr) -> Complex:
         """A parameter expression that may be complex."""
-        if not expr.has(sp.I):
-            return Complex(self.value(expr))
-        real, imaginary = expr.as_real_imag()
-        return Complex(self.value(real), self.value(imaginary))
+        return converted(expr, self.value)
 
     def expectation(self, function: Univariate, order: int = 0, *, since: int = 0) -> ca.SX:
         """F_k = d^k E[f] / dm^k, k = order; without the impulses that jumps of f^(j), j < since, leave in f^(k)."""
@@ -89,7 +86,7 @@ class Gaussian:
             for j in range(since, order):
                 size = jump.size(j)
                 if size != 0:
-                    total += self.value(size) * self.impulse(jump.position, order - 1 - j)
+                    total += self.complex_value(size).real * self.impulse(jump.position, order - 1 - j)
         return total
 
     def _apart(self, apart: Apart, order: int, together: ca.SX) -> ca.SX:

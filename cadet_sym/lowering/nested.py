@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 SPREADS = (-4.0, -2.0, 0.0, 2.0, 4.0)
 TOGETHER = 8  # nodes of one call, by which it is faster and larger
+NARROW = 1e-2  # standard deviations: a smoothed kink that is wider need not be met to more digits than nodes need
 PARALLEL = 1e-100  # a kink of the others that does not move with the outer argument is crossed nowhere
 
 
@@ -63,7 +64,8 @@ class _Conditioning:
             low, high = self._ends(piece)
             for nodes in self._nodes(piece, low, high):
                 weight = ca.if_else(high > low, nodes.weight, 0)
-                value, slope, inner = self._sums(piece.inner, piece.slope, self._points(piece, nodes), nodes.u, weight)
+                points = ca.if_else(weight != 0, self._points(piece, nodes), self._somewhere(piece))
+                value, slope, inner = self._sums(piece.inner, piece.slope, points, nodes.u, weight)
                 F += value
                 gains[nested.outer] += slope
                 for a, i in enumerate(nested.others):
@@ -110,7 +112,9 @@ class _Conditioning:
         if crossing.width is not None:
             there = Lowering({**outer.env, self.symbol: outer.m + outer.s * u})
             square = square + there.convert(crossing.width) ** 2
-        return u, ca.sqrt(square) / ca.fabs(speed)
+        width = ca.sqrt(square) / ca.fabs(speed)
+        fixed, rounded = _frozen(u, width)
+        return ca.if_else(width > NARROW, fixed, u), ca.if_else(width > NARROW, rounded, width)
 
     def _on_curve(self, crossing: Crossing, a: int) -> tuple[ca.SX, ca.SX]:
         """The same for a curve: where A u^2 + B u + C = +- i size along the means, without cancellation."""
@@ -139,6 +143,13 @@ class _Conditioning:
         longer = ca.sqrt((absolute + ca.fabs(real)) / 2)
         longer = ca.if_else(longer > PARALLEL, longer, PARALLEL)
         return _frozen(u, ca.if_else(real > 0, size / longer, longer / ca.fabs(2 * A)))
+
+    def _somewhere(self, piece: Slice) -> ca.SX:
+        """A point well within a slice: what has no weight must have derivatives all the same."""
+        lower, upper = piece.part.lower, piece.part.upper
+        if lower.is_infinite or upper.is_infinite:
+            return self.outer.value(upper - 1 if lower.is_infinite else lower + 1) if lower != -upper else ca.SX(0)
+        return self.outer.value((lower + upper) / 2)
 
     def _points(self, piece: Slice, nodes: Nodes) -> ca.SX:
         outer = self.outer

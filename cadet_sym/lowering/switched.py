@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import astuple, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import casadi as ca
 import sympy as sp
 
-from cadet_sym.expectation.conic import CURVES
+from cadet_sym.expectation.conic import CURVES, widened
 from cadet_sym.expectation.panels import legendre
 from cadet_sym.expectation.planar import Moments
 from cadet_sym.expectation.switched import (
@@ -92,8 +92,10 @@ class _Engine:
     def __init__(self, function: Switched, free: tuple[sp.Symbol, ...], rows: Sequence[Row]):
         self.switched, self.free, self.rows = function, free, rows
         self.v = ca.SX.sym("v", 5 + len(free))
-        self.xp, self.at = CasadiAlgebra(), Moments(*ca.vertsplit(_moments()(self.v[:5])))
+        self.xp = CasadiAlgebra()
         self.evaluate = _evaluate({symbol: self.v[5 + k] for k, symbol in enumerate(free)})
+        self.moments = self._moments()
+        self.at = Moments(*ca.vertsplit(self.moments(self.v)))
 
     def function(self) -> ca.Function:
         """v -> the rows."""
@@ -113,10 +115,18 @@ class _Engine:
                 calls.append(call)
         v = ca.MX.sym("v", 5 + len(self.free))
         total, *rest = ca.Function("courses", [self.v], results)(v)
-        at = _moments()(v[:5])
+        at = self.moments(v)
         for k, call in enumerate(calls):
             total += call(*rest[4 * k : 4 * k + 4], at, v[5:])
         return ca.Function("switched", [v], [total])
+
+    def _moments(self) -> ca.Function:
+        """(m_p, m_q, S_pp, S_pq, S_qq, parameters) -> `Moments`."""
+        m, s, mean, lean, left, spread = ca.vertsplit(given()(self.v[:5]))
+        at = Moments(m, s, mean, lean, ca.sqrt(left**2 + (ROUNDING * spread) ** 2), spread)
+        shapes = [self.evaluate(border.shape, {}) for border in self.switched.borders]
+        at = widened(at, self.switched.borders[0].kind, shapes, self.xp)
+        return ca.Function("moments", [self.v], [ca.vertcat(*astuple(at))])
 
     def _side(self, border: Border) -> ca.Function:
         """(which order, numbers of the side, of the course, b_ij, moments, parameters) -> what a side adds to the rows."""
@@ -147,14 +157,6 @@ class _Engine:
         terms = sums.terms(Moments(*ca.vertsplit(at)), ca.vertsplit(shared), point, weight)
         rows = [ca.sum2(ca.SX(term) + ca.SX.zeros(1, TOGETHER)) for term in terms]
         return ca.Function("nodes", [t, w, side, course, shared, at, q], [ca.vertcat(*rows)])
-
-
-@lru_cache(maxsize=1)
-def _moments() -> ca.Function:
-    """(m_p, m_q, S_pp, S_pq, S_qq) -> `Moments`."""
-    v = ca.SX.sym("v", 5)
-    m, s, mean, lean, left, spread = ca.vertsplit(given()(v))
-    return ca.Function("moments", [v], [ca.vertcat(m, s, mean, lean, ca.sqrt(left**2 + (ROUNDING * spread) ** 2), spread)])
 
 
 def _evaluate(env: Mapping[sp.Symbol, ca.SX]) -> Evaluate:
