@@ -24,6 +24,7 @@ from cadet_sym.expectation.planar import Planar
 from cadet_sym.expectation.polar import Homogeneous
 from cadet_sym.expectation.quadratic import QuadraticPower
 from cadet_sym.expectation.quadrature import Wish
+from cadet_sym.expectation.reduced import Reduced, reduced
 from cadet_sym.expectation.smooth import planar
 from cadet_sym.expectation.squares import MAX_ARGUMENTS as MAX_OF_POWERS
 from cadet_sym.expectation.squares import quadratic_powers
@@ -36,8 +37,8 @@ from cadet_sym.language.vocabulary import Lookup
 MAX_ARGUMENTS = 3  # of a function that is not a sum of products
 MAX_TERMS = 400
 
-Integrated = Nested | Planar | Homogeneous | Switched | QuadraticPower
-"""What is left to an integral of several arguments."""
+Integrated = Nested | Planar | Homogeneous | Switched | QuadraticPower | Reduced
+"""What is left to an integral of several arguments, or reduced to what is."""
 
 
 @dataclass(frozen=True)
@@ -113,9 +114,13 @@ class _Term:
     functions: tuple[tuple[int, sp.Expr], ...]
 
 
+Part = Product | Integrated
+"""A term whose expectation is known, and how."""
+
+
 def products(
     arguments: tuple[sp.Symbol, ...], body: sp.Expr, where: str, wish: Wish
-) -> tuple[Product | Integrated, ...]:
+) -> tuple[Part, ...]:
     """Write a function as a sum of terms whose expectation is known.
 
     Raises
@@ -126,7 +131,7 @@ def products(
     if len(arguments) == 1:
         return (Product(sp.S.One, (0,), ((0, univariate(body, arguments[0], where, wish)),)),)
     powers, body = quadratic_powers(arguments, body, where, wish)
-    found: list[Product | Integrated] = list(powers)
+    found: list[Part] = list(powers)
     terms, rest = _separated(arguments, body, where)
     for term in _merged(terms):
         product = _product(term, arguments, where, wish)
@@ -136,12 +141,20 @@ def products(
             rest.append(product)
     if rest and (whole := homogeneous(arguments, _used(arguments, body), body, wish)) is not None:
         return (*powers, whole)
+    fewer, rest = reduced(arguments, rest, where, wish)
+    found.extend(fewer)
     groups: dict[tuple[int, ...], list[sp.Expr]] = defaultdict(list)
     for expr in rest:
         groups[_used(arguments, expr)].append(expr)
     for used, exprs in groups.items():
         found.extend(_integrated(arguments, used, sp.Add(*exprs), where, wish))
     return tuple(found)
+
+
+def in_closed_form(arguments: tuple[sp.Symbol, ...], body: sp.Expr, where: str, wish: Wish) -> bool:
+    """Whether a function is a sum of products of functions of one argument that all are."""
+    terms, rest = _separated(arguments, body, where)
+    return not rest and all(isinstance(_product(term, arguments, where, wish), Product) for term in _merged(terms))
 
 
 def _used(arguments: tuple[sp.Symbol, ...], expr: sp.Expr) -> tuple[int, ...]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from cadet_sym.expectation.conditional import Integrated, Product, products
+from cadet_sym.expectation.conditional import Part, products
 from cadet_sym.expectation.quadrature import Wish
 from cadet_sym.expectation.tame import tamed
 
@@ -25,7 +25,7 @@ class DescribingFunction:
     body: sp.Expr
     means: tuple[sp.Symbol, ...]
     covariances: tuple[sp.Symbol, ...]  # lower triangle row by row: S11; S21, S22; ...
-    products: tuple[Product | Integrated, ...]
+    products: tuple[Part, ...]
 
     def formula(self) -> sp.Expr | None:
         """E[f] written out in `means` and `covariances`, for reading; None if that would be too long."""

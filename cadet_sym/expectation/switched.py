@@ -147,6 +147,11 @@ class Switched:
             return Row(), Row((p,)), Row((q,))
         return tuple(Row((*first, symbol)) for symbol in more for first in ((), (p,), (q,)))
 
+    @property
+    def jumps(self) -> bool:
+        """Whether it is seen to be discontinuous."""
+        return not all(self.is_continuous(border, border.jump) for border in self.borders)
+
     def is_continuous(self, border: Border, jump: sp.Expr) -> bool:
         """Whether a jump is seen to vanish along a curve."""
         p, q = self.coordinates

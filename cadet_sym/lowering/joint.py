@@ -14,6 +14,7 @@ from cadet_sym.expectation.describing import DescribingFunction
 from cadet_sym.expectation.nested import Nested
 from cadet_sym.expectation.polar import Homogeneous
 from cadet_sym.expectation.quadratic import QuadraticPower
+from cadet_sym.expectation.reduced import Reduced
 from cadet_sym.expectation.switched import Switched
 from cadet_sym.lowering.columns import curves
 from cadet_sym.lowering.gaussian import Gaussian
@@ -22,6 +23,7 @@ from cadet_sym.lowering.pair import Pair
 from cadet_sym.lowering.planar import planar_moments
 from cadet_sym.lowering.polar import polar_moments
 from cadet_sym.lowering.quadratic import quadratic_moments
+from cadet_sym.lowering.reduced import reduced_moments
 from cadet_sym.lowering.switched import switched_moments
 
 
@@ -84,6 +86,8 @@ class Joint:
             return quadratic_moments(product, self)
         if isinstance(product, Homogeneous):
             return polar_moments(product, self)
+        if isinstance(product, Reduced):
+            return reduced_moments(product, self)
         if isinstance(product, Switched):
             return switched_moments(product, self)
         return nested_moments(product, self) if isinstance(product, Nested) else planar_moments(product, self)

@@ -6,7 +6,7 @@ depends on the function, and is looked at for the moments of a short grid.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -14,8 +14,10 @@ import sympy as sp
 
 from cadet_sym.errors import ExpectationWarning, LinearisationError
 from cadet_sym.expectation.accuracy import WARNED
+from cadet_sym.expectation.conditional import Part
 from cadet_sym.expectation.describing import DescribingFunction
 from cadet_sym.expectation.nested import Nested
+from cadet_sym.expectation.reduced import Reduced
 from cadet_sym.language.expression import DISTANCE, SPEED, TIME, symbol
 from cadet_sym.linearisation import Nonlinearity
 from cadet_sym.lowering.check import Truth
@@ -46,11 +48,13 @@ def measured(equations: MomentEquations) -> MomentEquations:
 
     def with_error(element: Nonlinearity, where: str) -> Nonlinearity:
         df = element.describing
-        if not any(isinstance(product, Nested) for product in df.products):
+        cores = list(_measurable(df))
+        if not cores:
             return element
         scale = max(form.scale(numbers) for form in element.forms)
-        error = measured_error(df, numbers, scale)
-        if error > REFUSED and len(df.arguments) == max(GRID):
+        errors = [(measured_error(core, numbers, scale), len(core.arguments)) for core in cores]
+        error = max(error for error, _ in errors)
+        if any(error > REFUSED and count == max(GRID) for error, count in errors):
             raise LinearisationError(
                 f"{where}: no accurate expectation of `{df.body}` was found ({error:.0e} is left): split it, as a sum of "
                 "products of functions of one or two linear forms each, or give a part of it a state of its own (a fast "
@@ -63,10 +67,28 @@ def measured(equations: MomentEquations) -> MomentEquations:
                 "a sum of products of functions of one linear form each, or see with cs.check where it is worst"
             )
             warn(ExpectationWarning(text, where, error))
-        products = (replace(p, error=error) if isinstance(p, Nested) else p for p in df.products)
-        return replace(element, describing=replace(df, products=tuple(products)))
+        return replace(element, describing=_with_error(df, error))
 
     return with_elements(equations, with_error)
+
+
+def _measurable(df: DescribingFunction) -> Iterator[DescribingFunction]:
+    """What holds such integrals: the function, or those that its terms are reduced to."""
+    if any(isinstance(product, Nested) for product in df.products):
+        yield df
+        return
+    for product in df.products:
+        if isinstance(product, Reduced):
+            yield from _measurable(product.core)
+
+
+def _with_error(df: DescribingFunction, error: float) -> DescribingFunction:
+    def changed(part: Part) -> Part:
+        if isinstance(part, Reduced):
+            return replace(part, core=_with_error(part.core, error))
+        return replace(part, error=error) if isinstance(part, Nested) else part
+
+    return replace(df, products=tuple(map(changed, df.products)))
 
 
 def numbers_at_start(equations: MomentEquations) -> dict[sp.Symbol, float]:

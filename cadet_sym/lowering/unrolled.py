@@ -12,13 +12,14 @@ from dataclasses import replace
 import sympy as sp
 
 from cadet_sym.errors import ExportError
-from cadet_sym.expectation.conditional import Integrated, Product
+from cadet_sym.expectation.conditional import Part, Product
 from cadet_sym.expectation.describing import DescribingFunction
 from cadet_sym.expectation.homogeneous import with_one_rule
 from cadet_sym.expectation.nested import Nested
 from cadet_sym.expectation.planar import Planar
 from cadet_sym.expectation.polar import Homogeneous
 from cadet_sym.expectation.quadratic import QuadraticPower
+from cadet_sym.expectation.reduced import Reduced
 from cadet_sym.expectation.smooth import with_counts
 from cadet_sym.expectation.squares import with_count
 from cadet_sym.expectation.switched import Switched
@@ -56,8 +57,8 @@ def in_line(df: DescribingFunction) -> DescribingFunction:
     Where derivatives are wanted: those of many calls cost twice as much, for they are called again for every direction.
     """
 
-    def changed(part: Product | Integrated) -> Product | Integrated:
-        if isinstance(part, Nested):
+    def changed(part: Part) -> Part:
+        if isinstance(part, Nested | Reduced):
             return part.written_with(in_line)
         return part.written_out() if isinstance(part, Product) and not part.pairs else part
 
@@ -74,14 +75,14 @@ def _function(df: DescribingFunction, where: str, numbers: Mapping[sp.Symbol, fl
     return df if all(a is b for a, b in zip(products, df.products, strict=True)) else replace(df, products=products)
 
 
-def _fixed(part: Product | Integrated, where: str, numbers: Mapping[sp.Symbol, float]) -> Product | Integrated:
+def _fixed(part: Part, where: str, numbers: Mapping[sp.Symbol, float]) -> Part:
     if isinstance(part, Planar):
         return with_counts(part, COUNTS, numbers)
     if isinstance(part, Homogeneous):
         return with_one_rule(part, numbers)
     if isinstance(part, QuadraticPower):
         return with_count(part, COUNT)
-    if isinstance(part, Nested):
+    if isinstance(part, Nested | Reduced):
         return part.written_with(lambda df: _function(df, where, numbers))
     if isinstance(part, Switched):
         return with_order(part, ORDER, numbers)

@@ -16,6 +16,7 @@ from cadet_sym.expectation.describing import DescribingFunction
 from cadet_sym.expectation.planar import Planar
 from cadet_sym.expectation.polar import Homogeneous
 from cadet_sym.expectation.quadratic import QuadraticPower
+from cadet_sym.expectation.reduced import Reduced
 from cadet_sym.expectation.switched import Switched
 from cadet_sym.language.expression import symbol
 from cadet_sym.lowering.survey import describing_functions
@@ -70,6 +71,8 @@ def _errors(df: DescribingFunction, numbers: Mapping[sp.Symbol, float]) -> Itera
             yield squares.error_of(product, numbers)
         elif isinstance(product, Switched):
             yield switching.error_of(product, numbers)
+        elif isinstance(product, Reduced):
+            yield from _errors(product.core, numbers)
         elif isinstance(product, Product):
             for _, function in product.functions:
                 for part in function.integrals:

@@ -1,0 +1,80 @@
+"""E[f] by that of a function of fewer arguments, or of other linear forms of them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import casadi as ca
+
+from cadet_sym.expectation.describing import DescribingFunction
+from cadet_sym.expectation.reduced import Reduced
+from cadet_sym.lowering.gaussian import LARGEST
+
+if TYPE_CHECKING:
+    from cadet_sym.lowering.joint import Joint
+
+
+Moments = tuple[ca.SX, ca.SX]
+
+
+def reduced_moments(function: Reduced, joint: Joint) -> tuple[ca.SX, dict[int, ca.SX]]:
+    """E[f], and its derivative in the mean of every argument."""
+    count, value = joint.m.numel(), joint.marginal(0).value
+    S = ca.vertcat(*(ca.horzcat(*(joint.covariance(i, j) for j in range(count))) for i in range(count)))
+    a = ca.vertcat(*(ca.SX(value(rate)) for rate in function.rates))
+    exponent = ca.dot(a, joint.m) + ca.dot(a, S @ a) / 2
+    weight = ca.exp(ca.fmin(exponent, LARGEST))
+    m = ca.SX.sym("m", count)
+    nothing = (0,) * count
+    known: dict[tuple[int, ...], Moments] = {nothing: _core(function, function.core, joint, m, S)}
+    if function.slopes:
+        slopes = [_core(function, slope, joint, m, S) for slope in function.slopes]
+        for i in range(count):
+            known[tuple(int(k == i) for k in range(count))] = _by_slopes(function, i, known[nothing], slopes, m, S)
+    F, gain = ca.SX(0), ca.SX.zeros(count)
+    for coefficient, powers in function.terms:
+        total, slopes = _by_stein(powers, known, m, S)
+        F += value(coefficient) * total
+        gain += value(coefficient) * slopes
+    if any(function.rates):
+        F, gain = ca.substitute([F, gain], [m], [joint.m + S @ a])
+        gain = ca.if_else(exponent > LARGEST, ca.inf, weight) * (a * F + gain)
+        F = ca.if_else(exponent > LARGEST, ca.inf, weight) * F
+    else:
+        F, gain = ca.substitute([F, gain], [m], [joint.m])
+    return F, dict(enumerate(ca.vertsplit(gain)))
+
+
+def _core(function: Reduced, core: DescribingFunction, joint: Joint, m: ca.SX, S: ca.SX) -> Moments:
+    """G and its gradient in the means of the arguments z."""
+    value = joint.marginal(0).value
+    C = ca.vertcat(*(ca.horzcat(*(value(c) for c in form.coefficients)) for form in function.forms))
+    covariance = C @ S @ C.T
+    size = C.size1()
+    triangle = ca.vertcat(*(covariance[i, j] for i in range(size) for j in range(i + 1)))
+    F, gain = type(joint)(C @ m, triangle, joint.env).expectation_and_gain(core)
+    return F, C.T @ gain
+
+
+def _by_slopes(
+    function: Reduced, i: int, core: Moments, slopes: list[Moments], m: ca.SX, S: ca.SX
+) -> Moments:
+    """E[z_i g] and its gradient, by the expectations of the derivatives of g."""
+    F, gain = m[i] * core[0], m[i] * core[1]
+    gain[i] += core[0]
+    for form, (value, change) in zip(function.forms, slopes, strict=True):
+        assert form.argument is not None
+        F += S[i, form.argument] * value
+        gain += S[i, form.argument] * change
+    return F, gain
+
+
+def _by_stein(powers: tuple[int, ...], known: dict[tuple[int, ...], Moments], m: ca.SX, S: ca.SX) -> Moments:
+    """E[z^powers g] and its gradient."""
+    if powers not in known:
+        i = next(k for k, n in enumerate(powers) if n)
+        F, gain = _by_stein(tuple(n - (k == i) for k, n in enumerate(powers)), known, m, S)
+        slopes = m[i] * gain + ca.jacobian(gain, m).T @ S[:, i]
+        slopes[i] += F
+        known[powers] = m[i] * F + ca.dot(S[:, i], gain), slopes
+    return known[powers]
