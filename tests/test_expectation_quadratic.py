@@ -30,12 +30,13 @@ NAMES = [symbol(name) for name in ("x", "y", "w", "q", "r", "s")]
 TWO = [
     "sqrt(x**2 + y**2)", "x/sqrt(x**2 + y**2)", "y*sqrt(x**2 + y**2 + 0.01)", "y**3/(x**2 + x*y + 2*y**2)",
     "x/(1 + x**2 + y**2)", "(1 - 1/sqrt(1 + x**2 + y**2))*y", "((x - 1)**2 + (y + 2)**2 + 0.1)**1.5",
-    "x*y*(x**2 + 3*y**2)**(-0.7)",
+    "x*y*(x**2 + 3*y**2)**(-0.7)", "y*abs(x)*sqrt(x**2 + y**2 + 1)",
 ]  # fmt: skip
 THREE = [
     "sqrt(x**2 + y**2 + w**2)", "x*sqrt(x**2 + y**2 + w**2)", "w*x/sqrt(x**2 + y**2 + 0.04)",
     "(x - w)/sqrt((x - w)**2 + 2*y**2)",
     "x/(x**2 + y**2 + w**2)**1.5", "w/(x**2 + x*y + y**2 + y*w + w**2 + 1)", "x*y*w*sqrt(1 + (x + y)**2)",
+    "max(w, 0)*x/sqrt(x**2 + y**2 + 0.04)", "clip(w, -1, 0.9)*x*sqrt(x**2 + y**2)",
 ]  # fmt: skip
 CORRELATIONS = [-0.999999, -0.95, 0.0, 0.5, 1.0]
 
@@ -100,7 +101,7 @@ def test_two_arguments_are_the_integral(text, rho):
     assert along == pytest.approx(truth.moments, abs=1e-8 * truth.size + 3 * truth.error)
 
 
-@pytest.mark.parametrize("text", THREE[:3])
+@pytest.mark.parametrize("text", [*THREE[:2], "max(w, 0)*x/sqrt(x**2 + y**2 + 1)"])
 def test_three_arguments_are_the_integral(text):
     mean, S = moments(3, -0.6)
     truth = integrate(arguments_of(text), parse(text), {}, mean, factor(S), tolerance=1e-7, most=1_500_000)
@@ -252,6 +253,28 @@ def test_parameters_stay_parameters():
         ends = [np.concatenate([np.array(r).ravel() for r in function(mean, S, np.array([3, 0.7]) + s * h)]) for s in (1, -1)]
         assert np.array(slopes([3, 0.7]))[:, k] == pytest.approx((ends[0] - ends[1]) / 2e-4, rel=1e-6, abs=1e-8)
     assert x in df.body.free_symbols
+
+
+def test_a_kink_may_stand_at_a_parameter():
+    k, c = symbol("k"), symbol("c")
+    df = describing_function(tuple(NAMES[:3]), parse("max(w - k, 0)*x/sqrt(x**2 + y**2 + c)"), values={k: 0.1, c: 0.5})
+    assert isinstance(df.products[0], QuadraticPower)
+    function, q = element_function(df, (k, c)), ca.SX.sym("q", 2)
+    mean, S = moments(3, 0.5)
+    slopes = ca.Function("slopes", [q], [ca.jacobian(ca.vertcat(*function(mean, lower(S), q)), q)])
+    for j, h in enumerate(1e-4 * np.eye(2)):
+        ends = [function(mean, lower(S), [0.1, 0.5] + h * s) for s in (1, -1)]
+        up, down = (np.concatenate([np.array(r).ravel() for r in end]) for end in ends)
+        assert np.array(slopes([0.1, 0.5]))[:, j] == pytest.approx((up - down) / 2e-4, rel=1e-6, abs=1e-8)
+
+
+def test_friction_under_a_load_that_varies_by_itself_is_a_product():
+    text = "max(w, 0)*x/sqrt(x**2 + y**2 + 0.04)"
+    mean, S = moments(3, 0.5)
+    S[2, :2] = S[:2, 2] = 0
+    load = element_function(describing_function((NAMES[2],), parse("max(w, 0)")), ())(mean[2], S[2, 2], [])[0]
+    friction = found(function_of("x/sqrt(x**2 + y**2 + 0.04)"), mean[:2], S[:2, :2])
+    assert found(function_of(text), mean, S)[:3] == pytest.approx(float(load) * friction, rel=1e-11)
 
 
 @pytest.mark.parametrize(

@@ -46,7 +46,7 @@ def describe(text: str):
     return describing_function((X, Y), parse(text), name="f")
 
 
-KINKED = ["max(x, 0)*tanh(x*y)", "abs(x - 0.1)*tanh(x*y)", "max(y, 0.2)*sqrt(x**2 + y**2 + 0.1)"]
+KINKED = ["max(x, 0)*tanh(x*y)", "abs(x - 0.1)*tanh(x*y)", "max(y, 0.2)*log(x**2 + y**2 + 1)"]
 
 
 def planar(text: str) -> Planar:

@@ -8,6 +8,9 @@ a positive power being a whole one, multiplied out, times a negative one: one di
 `tilted` says what is under the integral, and how it is taken. Gains, and what they change with, are the same integrals for the
 derivatives of f, monomials times Q^(p-1), Q^(p-2), ..; where a derivative is so large at Q = 0 that it may have an impulse
 there, E[f exp(-t Q)] is differentiated in its place.
+
+A factor that is a piecewise polynomial of one linear form (a normal load that cannot pull, max(N, 0)) is one more y, and comes
+under the integral as its expectation and the derivatives of that, which Stein's lemma asks for.
 """
 
 from __future__ import annotations
@@ -19,10 +22,12 @@ from functools import cached_property
 import sympy as sp
 from sympy.polys.rings import PolyElement, PolyRing, ring
 
+from cadet_sym.expectation.univariate import Univariate
+
 SHORTEST = sp.Rational(1, 4)  # a, at least
 
 Terms = dict[tuple[int, ...], float]
-"""Coefficients of a polynomial, by the exponents of y_1, .., y_n and of c."""
+"""Coefficients of a polynomial, by the exponents of y_1, .., y_n and of c, and which derivative of g."""
 
 
 @dataclass(frozen=True)
@@ -37,13 +42,14 @@ class Row:
 
 @dataclass(frozen=True)
 class Shape:
-    """What the sums do not depend on the moments for: sum_a c_a y^a Q^p, Q = c + y_1^2 + .. + y_rank^2."""
+    """What the sums do not depend on the moments for: sum_a c_a y^a g(y_size) Q^p, Q = c + y_1^2 + .. + y_rank^2."""
 
     size: int  # number of y
     rank: int
     monomials: tuple[tuple[int, ...], ...]
     power: sp.Rational
     cone: bool  # whether c = 0
+    kinked: bool = False  # whether there is such a g
 
     @cached_property
     def degree(self) -> int:
@@ -53,6 +59,10 @@ class Shape:
     def exists(self, order: int) -> bool:
         """Whether derivatives of that order have an expectation that is a plain integral."""
         return not self.cone or 2 * self.power + self.degree + self.rank - order > 0
+
+    def is_kinked_in(self, i: int) -> bool:
+        """Whether that y is the argument of g."""
+        return self.kinked and i == self.size - 1
 
     def floor(self, order: int) -> float:
         """A variance below all others, of which derivatives of that order are numbers."""
@@ -77,7 +87,7 @@ class Shape:
 
     def row(self, *derivatives: int, only: int | None = None) -> Row:
         """The derivative in some of y, -1 standing for c, of all monomials or of one."""
-        R, *symbols = ring([*(f"y{i}" for i in range(self.size)), "c"], sp.QQ)
+        R, *symbols = ring([*(f"y{i}" for i in range(self.size)), "c", "g"], sp.QQ)
         found = [self._derivative(R, symbols, powers, derivatives) for powers in self.monomials]
         terms = [{m: float(c) for m, c in P.terms()} if only in (None, k) else {} for k, (P, _, _) in enumerate(found)]
         return Row(found[0][1], tuple(terms), found[0][2], plain=only is not None)
@@ -86,14 +96,14 @@ class Shape:
         self, R: PolyRing, symbols: Sequence[PolyElement], powers: Sequence[int], derivatives: Sequence[int]
     ) -> tuple[PolyElement, int, tuple[int, ...]]:
         """P and j, P Q^(p - j) being the derivative of a monomial, and those that are left to take."""
-        *y, c = symbols
+        *y, c, g = symbols
         c = R.zero if self.cone else c
         Q = sum((s**2 for s in y[: self.rank]), start=c)
         P, j, p = R.one, 0, sp.QQ.from_sympy(self.power)
         for s, n in zip(y, powers, strict=True):
             P *= s**n
         for i in (i for i in derivatives if i >= self.rank):
-            P = P.diff(y[i])
+            P = P.diff(y[i]) + (g * P if self.is_kinked_in(i) else R.zero)  # g^n stands for its derivative of order n
         left = [i for i in derivatives if i < self.rank]
         while left and self.exists(j + 1):
             i = left.pop(0)
@@ -129,6 +139,7 @@ class QuadraticPower:
     constant: sp.Expr  # c
     power: sp.Rational
     terms: tuple[tuple[tuple[int, ...], sp.Expr], ...]  # of the polynomial in y
+    factor: Univariate | None = None  # g, of the last of the forms, which is an argument itself
     step: float = 0.2
     nodes: int = 0  # where the moments are of the order of the function's own scale
     error: float = 0.0
@@ -137,7 +148,8 @@ class QuadraticPower:
     @property
     def shape(self) -> Shape:
         """What is to be integrated."""
-        return Shape(len(self.forms), self.rank, tuple(powers for powers, _ in self.terms), self.power, self.constant == 0)
+        monomials = tuple(powers for powers, _ in self.terms)
+        return Shape(len(self.forms), self.rank, monomials, self.power, self.constant == 0, self.factor is not None)
 
     @property
     def free(self) -> frozenset[sp.Basic]:
@@ -145,15 +157,19 @@ class QuadraticPower:
         return frozenset(self.value.free_symbols - set(self.symbols))
 
     def kinks(self) -> Iterator[tuple[int, sp.Expr]]:
-        """None that stand still while the other arguments move."""
-        return iter(())
+        """Those of g: no others stand still while the other arguments move."""
+        if self.factor is not None:
+            argument = next(i for i, slope in zip(self.used, self.forms[-1], strict=False) if slope != 0)
+            yield from ((argument, position) for position in self.factor.kinks())
 
     def expressions(self) -> Iterator[sp.Expr]:
         """Whatever depends on parameters."""
         yield self.constant
         for row in self.forms:
             yield from row
+        if self.factor is not None:
+            yield from self.factor.kinks()
 
     def poles(self) -> Iterator[tuple[int, sp.Expr, sp.Expr]]:
-        """The same as for the kinks."""
+        """None that stand still."""
         return iter(())

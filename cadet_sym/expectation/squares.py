@@ -14,6 +14,7 @@ from cadet_sym.expectation.closed_form import normal
 from cadet_sym.expectation.quadratic import QuadraticPower, Shape
 from cadet_sym.expectation.quadrature import Wish
 from cadet_sym.expectation.tilted import COUNTS, Node, factors, frame_of, spread_out
+from cadet_sym.expectation.univariate import univariate
 from cadet_sym.language.numeric import evaluate
 
 MAX_ARGUMENTS = 6  # a polynomial in more has too many moments
@@ -37,7 +38,7 @@ def quadratic_powers(
     LinearisationError
         If one is so large where the quadratic polynomial is zero that it has no expectation.
     """
-    factors: dict[tuple[sp.Expr, sp.Rational], sp.Expr] = {}
+    factors: dict[tuple[sp.Expr, sp.Rational, sp.Expr], sp.Expr] = {}
     rest: list[sp.Expr] = []
     for term in sp.Add.make_args(sp.expand_mul(body, deep=False)):
         found = _taken_apart(term, arguments)
@@ -45,20 +46,23 @@ def quadratic_powers(
             rest.append(term)
         else:
             factor, *key = found
-            factors[key[0], key[1]] = factors.get((key[0], key[1]), sp.S.Zero) + factor
+            factors[key[0], key[1], key[2]] = factors.get((key[0], key[1], key[2]), sp.S.Zero) + factor
     powers: list[QuadraticPower] = []
-    for (base, power), factor in factors.items():
-        if (found := _quadratic_power(arguments, factor, base, power, where, wish)) is None:
-            rest.append(factor * base**power)
+    for (base, power, kinked), factor in factors.items():
+        if (found := _quadratic_power(arguments, (factor, base, power, kinked), where, wish)) is None:
+            rest.append(factor * base**power * kinked)
         else:
             powers.append(found)
     return powers, sp.Add(*rest) if powers else body
 
 
-def _quadratic_power(
-    arguments: tuple[sp.Symbol, ...], factor: sp.Expr, base: sp.Expr, power: sp.Rational, where: str, wish: Wish
-) -> QuadraticPower | None:
-    used = tuple(i for i, z in enumerate(arguments) if factor.has(z) or base.has(z))
+_Parts = tuple[sp.Expr, sp.Expr, sp.Rational, sp.Expr]
+"""Polynomial, quadratic polynomial, its power, and what is a function of one argument, or one."""
+
+
+def _quadratic_power(arguments: tuple[sp.Symbol, ...], parts: _Parts, where: str, wish: Wish) -> QuadraticPower | None:
+    factor, base, power, kinked = parts
+    used = tuple(i for i, z in enumerate(arguments) if any(part.has(z) for part in (factor, base, kinked)))
     symbols = tuple(arguments[i] for i in used)
     numbers = {s: float(wish.sample.get(s, 1.0)) for s in base.free_symbols - set(symbols) if isinstance(s, sp.Symbol)}
     squares = _completed(base, symbols, numbers)
@@ -67,10 +71,21 @@ def _quadratic_power(
     least = evaluate(squares.constant, numbers)
     if least < 0 or (least == 0 and squares.rank == 1):
         return None
-    found = _in_forms(used, symbols, factor, squares, power)
+    last = [z for z in symbols if kinked.has(z)]
+    if last and least == 0 and base.has(*last):
+        return None
+    found = _in_forms(used, symbols, factor, squares, power, last)
     if found is None or len(found.forms) == 1:
         return None
-    found = replace(found, value=factor * base**power)
+    found = replace(found, value=factor * base**power * kinked)
+    if last:
+        try:
+            function = univariate(kinked, last[0], where, wish)
+        except LinearisationError:
+            return None
+        if not function.is_piecewise_polynomial or function.tables:
+            return None
+        found = replace(found, factor=function)
     if least == 0 and not replace(found.shape, cone=True).exists(0):
         raise LinearisationError(
             f"{where} has no Gaussian expectation: `{found.value}` is too large where `{base}` is zero; "
@@ -80,12 +95,14 @@ def _quadratic_power(
     return best if best.error <= WARNED else None
 
 
-def _taken_apart(term: sp.Expr, symbols: tuple[sp.Symbol, ...]) -> tuple[sp.Expr, sp.Expr, sp.Rational] | None:
-    """Polynomial factor, quadratic polynomial and its power."""
-    factor, base, power = sp.S.One, None, sp.S.Zero
+def _taken_apart(term: sp.Expr, symbols: tuple[sp.Symbol, ...]) -> _Parts | None:
+    factor, base, power, kinked = sp.S.One, None, sp.S.Zero, sp.S.One
     for part in sp.Mul.make_args(term):
         if part.is_polynomial(*symbols):
             factor *= part
+            continue
+        if sum((kinked * part).has(z) for z in symbols) == 1:
+            kinked *= part
             continue
         inner, exponent = part.as_base_exp()
         if not exponent.is_number or not exponent.is_real or not inner.is_polynomial(*symbols):
@@ -100,7 +117,7 @@ def _taken_apart(term: sp.Expr, symbols: tuple[sp.Symbol, ...]) -> tuple[sp.Expr
         factor, power = factor * ratio**rational, power + rational
     if base is None or (power.is_Integer and power >= 0):
         return None
-    return factor, base, power
+    return factor, base, power, kinked
 
 
 @dataclass(frozen=True)
@@ -143,12 +160,17 @@ def _tidy(expr: sp.Expr, symbols: tuple[sp.Symbol, ...]) -> sp.Expr:
 
 
 def _in_forms(
-    used: tuple[int, ...], symbols: tuple[sp.Symbol, ...], factor: sp.Expr, squares: _Squares, power: sp.Rational
+    used: tuple[int, ...],
+    symbols: tuple[sp.Symbol, ...],
+    factor: sp.Expr,
+    squares: _Squares,
+    power: sp.Rational,
+    last: list[sp.Symbol],
 ) -> QuadraticPower | None:
     """The polynomial in the forms, and in those arguments that are not the pivot of one.
 
     Or in the arguments, which may be much smaller than the forms that they are sums of; not where Q may be zero and the
-    polynomial is so too, which must be seen.
+    polynomial is so too, which must be seen. The last is the argument of a function, if there is one.
     """
     y = [sp.Dummy(f"y{k}", real=True) for k in range(squares.rank)]
     solved: dict[sp.Basic, sp.Expr] = {}
@@ -156,11 +178,11 @@ def _in_forms(
         slope = sp.diff(form, z)
         solved[z] = sp.expand((symbol - form.subs(z, 0)) / slope).xreplace(solved)
     written = sp.expand(factor.xreplace(solved))
-    others = [z for z in symbols if z not in squares.pivots and written.has(z)]
+    others = [z for z in symbols if z not in squares.pivots and written.has(z) and z not in last] + last
     polynomial = sp.Poly(written, *y, *others)
     vanishes = squares.constant == 0 and all(any(powers[: len(y)]) for powers, _ in polynomial.terms())
     if any(len(sp.Add.make_args(form)) > 1 for form in squares.forms) and not vanishes:
-        others = [z for z in symbols if factor.has(z)]
+        others = [z for z in symbols if factor.has(z) and z not in last] + last
         polynomial = sp.Poly(sp.expand(factor), *y, *others)
     terms = tuple((powers, sp.cancel(c)) for powers, c in polynomial.terms() if c != 0)
     size = max(len(used), len(y) + len(others))
@@ -178,7 +200,7 @@ def _in_forms(
 
 def measured(function: QuadraticPower) -> QuadraticPower:
     """The function with the largest step that is accurate enough over a grid of moments, and the error found there."""
-    cases, found = _Cases(function.shape), replace(function, error=np.inf)
+    cases, found = _Cases(replace(function.shape, kinked=False)), replace(function, error=np.inf)
     for step in STEPS:
         error = cases.error(step)
         found = replace(function, step=step, error=error, nodes=int(np.median(cases.counts(step))))
@@ -198,7 +220,8 @@ def error_of(function: QuadraticPower, sample: Mapping[sp.Symbol, float]) -> flo
 
 def with_count(function: QuadraticPower, count: int) -> QuadraticPower:
     """The function with the same number of nodes always, and its error where variances are not too unlike."""
-    return replace(function, count=count, nodes=count, error=_Cases(function.shape, RATIOS[:-1]).error(0.0, count))
+    shape = replace(function.shape, kinked=False)
+    return replace(function, count=count, nodes=count, error=_Cases(shape, RATIOS[:-1]).error(0.0, count))
 
 
 class _Cases:
@@ -238,9 +261,8 @@ class _Cases:
         k = np.arange(int(np.max(counts)))[:, None]
         steps = np.where(k < counts, length / (counts - 1), 0.0)
         with np.errstate(all="ignore"):
-            log_t, slope = spread_out(frame.first + np.minimum(k, counts - 1) * (length / (counts - 1)), frame.high, xp)
-            at = frame.tilted(np.exp(log_t))
-            node = Node(shape, at, log_t, slope, frame.scale, self.c, xp)
+            steps_of_t = spread_out(frame.first + np.minimum(k, counts - 1) * (length / (counts - 1)), frame.high, xp)
+            node = Node(shape, frame.tilted(np.exp(steps_of_t[0])), steps_of_t, frame.scale, self.c, xp)
             terms = [*node.sums(shape.gains, [1.0] * len(shape.monomials)), node.size()]
             scales = factors(shape, [*shape.gains, shape.gains[0]], frame.scale, xp)
             return np.array([np.sum(term * steps, axis=0) * scale for term, scale in zip(terms, scales, strict=True)])

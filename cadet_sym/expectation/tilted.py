@@ -16,7 +16,8 @@ towards both ends of which the integrand falls like the exponential of an expone
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from math import exp, gamma
@@ -244,26 +245,48 @@ def _upper_end(shape: Shape, frame: Frame, first: float, xp: Algebra) -> Number:
     return last
 
 
+Factor = Callable[[Number, Number], Callable[[int], Number]]
+"""Of a mean and a variance: E[g] and its derivatives in the mean, by their order."""
+
+
 class Node:
     """What nodes at t/E[Q] add to rows."""
 
-    def __init__(self, shape: Shape, at: Tilted, log_t: Number, slope: Number, scale: Number, c: Number, xp: Algebra):
-        self.shape, self.at, self.log_t, self.scale, self.c, self.xp = shape, at, log_t, scale, c, xp
-        self.t = xp.exp(log_t)
+    def __init__(
+        self,
+        shape: Shape,
+        at: Tilted,
+        steps: tuple[Number, Number],
+        scale: Number,
+        c: Number,
+        xp: Algebra,
+        factor: Factor = lambda m, p: lambda order: 1.0,
+    ):
+        self.shape, self.at, self.scale, self.c, self.xp = shape, at, scale, c, xp
+        self.factor = factor(at.m[-1], at.S[-1])
+        self.log_t, slope = steps
+        self.t = xp.exp(self.log_t)
         self.weight = slope * xp.sqrt(at.width) * xp.exp(-at.exponent)
-        self.known: dict[tuple[int, ...], Number] = {(0,) * shape.size: 1.0}
+        self.known: dict[tuple[tuple[int, ...], int], Number] = {}
 
-    def moment(self, powers: tuple[int, ...]) -> Number:
-        """E[y^powers] of what is tilted, by Stein's lemma."""
-        if powers not in self.known:
-            a = next(i for i, n in enumerate(powers) if n)
-            rest = less(powers, a)
-            value = self.at.m[a] * self.moment(rest)
-            for b, n in enumerate(rest):
-                if n:
-                    value = value + n * self.at.S[max(a, b) * (max(a, b) + 1) // 2 + min(a, b)] * self.moment(less(rest, b))
-            self.known[powers] = value
-        return self.known[powers]
+    def moment(self, powers: tuple[int, ...], order: int = 0) -> Number:
+        """E[y^powers], times a derivative of g, of what is tilted, by Stein's lemma."""
+        key = powers, order
+        if key not in self.known:
+            self.known[key] = self._by_stein(powers, order) if any(powers) else self.factor(order)
+        return self.known[key]
+
+    def _by_stein(self, powers: tuple[int, ...], order: int) -> Number:
+        a = next(i for i, n in enumerate(powers) if n)
+        rest = less(powers, a)
+        value = self.at.m[a] * self.moment(rest, order)
+        for b, n in enumerate(rest):
+            covariance = self.at.S[max(a, b) * (max(a, b) + 1) // 2 + min(a, b)]
+            if n:
+                value = value + n * covariance * self.moment(less(rest, b), order)
+            if self.shape.is_kinked_in(b):
+                value = value + covariance * self.moment(rest, order + 1)
+        return value
 
     def sums(self, rows: Sequence[Row], coefficients: Sequence[Number]) -> list[Number]:
         """What they add to every row, but for the step and its factor."""
@@ -278,7 +301,7 @@ class Node:
         for i, m in enumerate(self.at.m):
             lengths[i] = self.xp.sqrt(m * m + self.at.S[i * (i + 1) // 2 + i])
         moments = [
-            factor * _product([x**n for x, n in zip(lengths, powers, strict=True)])
+            factor * _product([x**n for x, n in zip(lengths, powers[:-1], strict=True)])
             for terms in row.terms
             for powers, factor in terms.items()
         ]
@@ -295,8 +318,8 @@ class Node:
         """The derivative of E[P exp(-t Q)] in some means over E[exp(-t Q)]."""
         if not left:
             value: Number = 0.0
-            for (*powers, of_c), factor in terms.items():
-                term = factor * self.moment(tuple(powers))
+            for (*powers, of_c, order), factor in terms.items():
+                term = factor * self.moment(tuple(powers), order)
                 value = value + (term * self.c**of_c if of_c else term)
             return value
         (i, *rest), answers = left, self.at.answers
@@ -305,14 +328,20 @@ class Node:
         for k, j in enumerate(rest):
             value = value + steep * answers[i][j] * self._derived(terms, tuple(rest[:k] + rest[k + 1 :]))
         for j in range(self.shape.size):
-            if slope := _slope(terms, j):
+            if slope := _slope(terms, j, kinked=self.shape.is_kinked_in(j)):
                 value = value + answers[j][i] * self._derived(slope, tuple(rest))
         return value
 
 
-def _slope(terms: Terms, j: int) -> Terms:
-    """The derivative of a polynomial."""
-    return {less(powers, j): factor * powers[j] for powers, factor in terms.items() if powers[j]}
+def _slope(terms: Terms, j: int, *, kinked: bool) -> Terms:
+    """The derivative of a polynomial, perhaps times a function of what it is differentiated in."""
+    found: Terms = defaultdict(float)
+    for powers, factor in terms.items():
+        if powers[j]:
+            found[less(powers, j)] += factor * powers[j]
+        if kinked:
+            found[(*powers[:-1], powers[-1] + 1)] += factor
+    return found
 
 
 def factors(shape: Shape, rows: Sequence[Row], scale: Number, xp: Algebra) -> list[Number]:
