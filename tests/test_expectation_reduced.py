@@ -19,8 +19,12 @@ NUMBERS = {A: 1.3, C: 0.7}
 CLOSED = [
     "exp(x + y)", "exp(0.3*x - y)*x", "exp(0.2*x)*abs(y)", "sin(x + y)*y", "cos(x - a*y)*x*y", "erf(y - a*x)*x**2",
     "(x if x - y > c else 2*y)", "max(x - c, 0)*exp(-y/2)*y", "exp(-a*x)*(clip(y, -c, c) + x)", "abs(x - 2*y + c)*y**2",
+    "sign(x)*(c + exp(-(x/a)**2)/2)*max(y, 0)", "exp(-(x - 0.5)**2 - 2*y**2)*abs(y)*x",
 ]  # fmt: skip
-INTEGRATED = ["max(x - 2*y, 0)**1.5*y", "tanh(x + a*y)*exp(y/2)", "sign(x - a*y)*asin(clip(0.7 - x, -1, 1))"]
+INTEGRATED = [
+    "exp(-(x - 0.5)**2 - y)*abs(y)*tanh(x)", "max(x - 2*y, 0)**1.5*y", "tanh(x + a*y)*exp(y/2)",
+    "sign(x - a*y)*asin(clip(0.7 - x, -1, 1))",
+]  # fmt: skip
 COVARIANCES = [((0.7, 1.5), 0.5), ((1.0, 0.3), -0.95), ((0.9, 0.8), 0.999999), ((0.5, 1.0), 1.0), ((0.6, 0.0), 0.0)]
 
 

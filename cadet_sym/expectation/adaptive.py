@@ -16,6 +16,7 @@ from math import ceil, log2
 import numpy as np
 import sympy as sp
 
+from cadet_sym.expectation.pieces import factored
 from cadet_sym.language.kinks import switching_functions
 from cadet_sym.language.numeric import evaluate
 
@@ -215,12 +216,12 @@ def _parts(place: sp.Expr, arguments: tuple[sp.Symbol, ...], level: int) -> Iter
         yield place
         return
     later = [z for z in arguments[level + 1 :] if place.has(z)]
-    for factor, _ in sp.factor_list(place)[1]:
+    for factor, _ in factored(place)[1]:
         if not factor.has(*later):
             yield factor
             continue
         for coefficient in sp.Poly(factor, *later).coeffs():
-            yield from (part for part, _ in sp.factor_list(coefficient)[1])
+            yield from (part for part, _ in factored(coefficient)[1])
 
 
 def _extent(integrand: _Integrand, negligible: float) -> tuple[float, float]:

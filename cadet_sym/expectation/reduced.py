@@ -5,13 +5,16 @@ With z ~ N(m, S) and f(z) = sum_k c_k z^(p_k) exp(a z) g(y), y = C z + d,
     E[f] = exp(a m + a S a/2) sum_k c_k E'[z^(p_k) g],    z ~ N(m', S) there, m' = m + S a,
     E'[z_i h] = m'_i E'[h] + sum_j S_ij dE'[h]/dm'_j
 
-(Stein's lemma), down to E'[g] = G(C m' + d, C S C^T), G the describing function of g.
+(Stein's lemma), down to E'[g] = G(C m' + d, C S C^T), G the describing function of g. A bell exp(-b (z_i - k)^2) changes the
+distribution likewise, its covariance too: with D = 1 + 2 b S_ii and e the i-th unit vector
+
+    m' = m - S e 2 b (m_i - k)/D,    S' = S - S e e S 2 b/D,    times exp(-b (m_i - k)^2/D)/sqrt(D).
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -43,13 +46,23 @@ class Form:
 
 
 @dataclass(frozen=True)
+class Bell:
+    """exp(-steepness (z_i - centre)^2), steepness > 0."""
+
+    argument: int
+    steepness: sp.Expr
+    centre: sp.Expr
+
+
+@dataclass(frozen=True)
 class Reduced:
-    """sum_k coefficient_k z^powers_k exp(rates z) core(forms)."""
+    """sum_k coefficient_k z^powers_k exp(rates z) bells core(forms)."""
 
     core: DescribingFunction
     forms: tuple[Form, ...]  # one for each argument of the core
     terms: tuple[tuple[sp.Expr, tuple[int, ...]], ...]
     rates: tuple[sp.Expr, ...]
+    bells: tuple[Bell, ...] = ()
     slopes: tuple[DescribingFunction, ...] = ()  # of the derivatives of the core, if its gains are not to be differentiated
 
     @property
@@ -93,41 +106,59 @@ def reduced(
     """What can be written so, and what cannot."""
     rest: list[sp.Expr] = []
     found: list[Reduced] = []
-    sums: dict[tuple[tuple[sp.Expr, ...], tuple[int, ...]], sp.Expr] = defaultdict(lambda: sp.S.Zero)
+    sums: dict[tuple[_Exponential, tuple[int, ...]], sp.Expr] = defaultdict(lambda: sp.S.Zero)
     for expr in exprs:
-        rates, powers, core = _parted(arguments, expr)
-        if any(rates) or 0 < sum(powers) <= MOST_POWERS:
-            sums[rates, powers] += core
+        exponential, core = _without_exponentials(arguments, expr)
+        powers, core = _without_powers(arguments, core)
+        if exponential.acts or 0 < sum(powers) <= MOST_POWERS:
+            sums[exponential, powers] += core
         elif (in_forms := _in_forms(arguments, expr, where, wish)) is not None:
             found.append(in_forms)
         else:
             rest.append(expr)
-    for (rates, core), terms in _shared(sums).items():
-        part = _described(arguments, core, terms, rates, where, wish)
+    for (exponential, core), terms in _shared(sums).items():
+        part = _described(arguments, core, terms, exponential, where, wish)
         if part is None:
             monomials = (c * sp.Mul(*(z**n for z, n in zip(arguments, powers, strict=True))) for c, powers in terms)
-            rest.append(core * sp.Add(*monomials))
+            rest.append(exponential.of(arguments) * core * sp.Add(*monomials))
         else:
             found.append(part)
     return found, rest
 
 
+@dataclass(frozen=True)
+class _Exponential:
+    """exp(rates z) times bells."""
+
+    rates: tuple[sp.Expr, ...]
+    bells: tuple[Bell, ...] = ()
+
+    @property
+    def acts(self) -> bool:
+        """Whether it is not one."""
+        return bool(any(self.rates) or self.bells)
+
+    def of(self, arguments: Sequence[sp.Symbol]) -> sp.Expr:
+        """It written out."""
+        exponents = [rate * z for rate, z in zip(self.rates, arguments, strict=True)]
+        exponents += [-bell.steepness * (arguments[bell.argument] - bell.centre) ** 2 for bell in self.bells]
+        return sp.exp(sp.Add(*exponents))
+
+
 Terms = tuple[tuple[sp.Expr, tuple[int, ...]], ...]
 
 
-def _shared(
-    sums: dict[tuple[tuple[sp.Expr, ...], tuple[int, ...]], sp.Expr],
-) -> dict[tuple[tuple[sp.Expr, ...], sp.Expr], Terms]:
+def _shared(sums: Mapping[tuple[_Exponential, tuple[int, ...]], sp.Expr]) -> dict[tuple[_Exponential, sp.Expr], Terms]:
     """The terms with the same function together."""
-    found: dict[tuple[tuple[sp.Expr, ...], sp.Expr], Terms] = {}
-    for (rates, powers), core in sums.items():
+    found: dict[tuple[_Exponential, sp.Expr], Terms] = {}
+    for (exponential, powers), core in sums.items():
         coefficient, function = core.as_coeff_Mul()
-        found[rates, function] = (*found.get((rates, function), ()), (coefficient, powers))
+        found[exponential, function] = (*found.get((exponential, function), ()), (coefficient, powers))
     return found
 
 
 def _described(
-    arguments: tuple[sp.Symbol, ...], body: sp.Expr, terms: Terms, rates: tuple[sp.Expr, ...], where: str, wish: Wish
+    arguments: tuple[sp.Symbol, ...], body: sp.Expr, terms: Terms, exponential: _Exponential, where: str, wish: Wish
 ) -> Reduced | None:
     """The terms with the describing function of what is in all; None if that has not so many derivatives."""
     from cadet_sym.expectation.describing import describe
@@ -138,11 +169,12 @@ def _described(
     core = describe(own, body, where, wish)
     degree = max(sum(powers) for _, powers in terms)
     if degree <= _derivatives(core):
-        return Reduced(core, forms, terms, rates)
-    if any(rates) or degree > 1 or not all(isinstance(part, Switched) and not part.jumps for part in core.products):
+        return Reduced(core, forms, terms, exponential.rates, exponential.bells)
+    if degree > 1 or not all(isinstance(part, Switched) and not part.jumps for part in core.products):
         return None
     slopes = (sp.diff(body, z).replace(sp.DiracDelta, lambda *_: sp.S.Zero) for z in own)
-    return Reduced(core, forms, terms, rates, tuple(describe(own, slope, where, wish) for slope in slopes))
+    described = tuple(describe(own, slope, where, wish) for slope in slopes)
+    return Reduced(core, forms, terms, exponential.rates, exponential.bells, described)
 
 
 def _derivatives(core: DescribingFunction) -> int:
@@ -156,26 +188,56 @@ def _derivatives(core: DescribingFunction) -> int:
     return min(found)
 
 
-def _parted(
-    arguments: tuple[sp.Symbol, ...], expr: sp.Expr
-) -> tuple[tuple[sp.Expr, ...], tuple[int, ...], sp.Expr]:
-    """A product as rates of its exponentials, powers of arguments that nothing else in it has, and all else."""
-    rates, powers = [sp.S.Zero] * len(arguments), [0] * len(arguments)
-    core = list(sp.Mul.make_args(expr))
-    for factor in list(core):
-        slopes = _slopes(factor.args[0], arguments) if isinstance(factor, sp.exp) else None
-        others = sp.Mul(*(f for f in core if f is not factor))
-        if slopes is None or any(has_kinks(others, z) for z, slope in zip(arguments, slopes, strict=True) if slope != 0):
+def _without_exponentials(arguments: tuple[sp.Symbol, ...], expr: sp.Expr) -> tuple[_Exponential, sp.Expr]:
+    """A product as its exponentials, and all else; with that those that may grow where something cuts them off."""
+    rates, bells, rest = [sp.S.Zero] * len(arguments), [], list(sp.Mul.make_args(expr))
+    for factor in list(rest):
+        found = _exponent(factor.args[0], arguments) if isinstance(factor, sp.exp) else None
+        if found is None:
             continue
-        core.remove(factor)
-        core.append(sp.exp(factor.args[0].subs(dict.fromkeys(arguments, 0))))
-        rates = [a + b for a, b in zip(rates, slopes, strict=True)]
+        own, falling, constant = found
+        others = sp.Mul(*(f for f in rest if f is not factor))
+        rest.remove(factor)
+        for i, z in enumerate(arguments):
+            if own[i] != 0 and has_kinks(others, z):
+                constant += own[i] * z
+            else:
+                rates[i] += own[i]
+        rest.append(sp.exp(constant))
+        bells += falling
+    return _Exponential(tuple(rates), tuple(bells)), sp.Mul(*rest)
+
+
+def _exponent(expr: sp.Expr, arguments: tuple[sp.Symbol, ...]) -> tuple[list[sp.Expr], list[Bell], sp.Expr] | None:
+    """A sum of linear terms and squares that fall, as rates, bells and a constant; None if it is none."""
+    if not expr.has(*arguments) or not expr.is_polynomial(*arguments) or sp.total_degree(expr, *arguments) > 2:
+        return None
+    polynomial = sp.Poly(expr, *arguments)
+    constant, bells = polynomial.coeff_monomial(1), []
+    rates = [polynomial.coeff_monomial(z) for z in arguments]
+    for i, z in enumerate(arguments):
+        steepness = -polynomial.coeff_monomial(z**2)
+        if steepness == 0:
+            continue
+        if not (steepness.is_nonnegative or (1 / steepness).is_nonnegative):  # of a real parameter squared only the one is seen
+            return None
+        bells.append(Bell(i, steepness, rates[i] / (2 * steepness)))
+        constant += rates[i] ** 2 / (4 * steepness)
+        rates[i] = sp.S.Zero
+    known = sp.Add(*(-b.steepness * (arguments[b.argument] - b.centre) ** 2 for b in bells), constant)
+    known += sp.Add(*(rate * z for rate, z in zip(rates, arguments, strict=True)))
+    return (rates, bells, constant) if sp.expand(known - expr) == 0 else None
+
+
+def _without_powers(arguments: tuple[sp.Symbol, ...], expr: sp.Expr) -> tuple[tuple[int, ...], sp.Expr]:
+    """A product as powers of arguments that nothing else in it has, and all else."""
+    powers, core = [0] * len(arguments), list(sp.Mul.make_args(expr))
     for i, z in enumerate(arguments):
         own = [f for f in core if f.as_base_exp()[0] == z and f.as_base_exp()[1].is_Integer and f.as_base_exp()[1] > 0]
         if not any(f.has(z) for f in core if f not in own):
             powers[i] = sum(int(f.as_base_exp()[1]) for f in own)
             core = [f for f in core if f not in own]
-    return tuple(rates), tuple(powers), sp.Mul(*core)
+    return tuple(powers), sp.Mul(*core)
 
 
 def _slopes(expr: sp.Expr, arguments: tuple[sp.Symbol, ...]) -> list[sp.Expr] | None:

@@ -182,7 +182,8 @@ def _resolved(nested: Nested, joint: Joint) -> Joint:
     """The distribution with an outer variance whose derivatives are not lost to rounding."""
     count = len(nested.crossings)
     parts = [replace(piece.part, steep=piece.part.steep[count:]) for piece in nested.slices]
-    if any(place.width.has(*nested.slices[0].inner.arguments) for part in parts for place in part.steep):
+    others = nested.slices[0].inner.arguments
+    if any(place.width.has(*others) or place.centre.has(*others) for part in parts for place in part.steep):
         return joint
     o, S = nested.outer, ca.SX(joint.S)
     S[o * (o + 3) // 2] = resolved(joint.marginal(o), parts)

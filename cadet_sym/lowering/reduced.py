@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -21,9 +22,12 @@ def reduced_moments(function: Reduced, joint: Joint) -> tuple[ca.SX, dict[int, c
     """E[f], and its derivative in the mean of every argument."""
     count, value = joint.m.numel(), joint.marginal(0).value
     S = ca.vertcat(*(ca.horzcat(*(joint.covariance(i, j) for j in range(count))) for i in range(count)))
-    a = ca.vertcat(*(ca.SX(value(rate)) for rate in function.rates))
-    exponent = ca.dot(a, joint.m) + ca.dot(a, S @ a) / 2
-    weight = ca.exp(ca.fmin(exponent, LARGEST))
+    there = _Changed(joint.m, S, ca.SX(0), ca.SX.zeros(count), ca.SX(ca.DM.eye(count)))
+    for bell in function.bells:
+        there = there.by_bell(bell.argument, value(bell.steepness), value(bell.centre))
+    if any(function.rates):
+        there = there.by_rates(ca.vertcat(*(ca.SX(value(rate)) for rate in function.rates)))
+    S = there.S
     m = ca.SX.sym("m", count)
     nothing = (0,) * count
     known: dict[tuple[int, ...], Moments] = {nothing: _core(function, function.core, joint, m, S)}
@@ -36,13 +40,39 @@ def reduced_moments(function: Reduced, joint: Joint) -> tuple[ca.SX, dict[int, c
         total, slopes = _by_stein(powers, known, m, S)
         F += value(coefficient) * total
         gain += value(coefficient) * slopes
-    if any(function.rates):
-        F, gain = ca.substitute([F, gain], [m], [joint.m + S @ a])
-        gain = ca.if_else(exponent > LARGEST, ca.inf, weight) * (a * F + gain)
-        F = ca.if_else(exponent > LARGEST, ca.inf, weight) * F
-    else:
-        F, gain = ca.substitute([F, gain], [m], [joint.m])
+    F, gain = ca.substitute([F, gain], [m], [there.m])
+    if function.rates or function.bells:
+        weight = ca.if_else(there.exponent > LARGEST, ca.inf, ca.exp(ca.fmin(there.exponent, LARGEST)))
+        F, gain = weight * F, weight * (there.slope * F + there.moves.T @ gain)
     return F, dict(enumerate(ca.vertsplit(gain)))
+
+
+@dataclass(frozen=True)
+class _Changed:
+    """The distribution that exponentials leave, and the logarithm of their expectation."""
+
+    m: ca.SX
+    S: ca.SX
+    exponent: ca.SX
+    slope: ca.SX  # derivative of the exponent in the mean that there was
+    moves: ca.SX  # that of the mean
+
+    def by_bell(self, i: int, b: ca.SX, centre: ca.SX) -> _Changed:
+        """Times exp(-b (z_i - centre)^2)."""
+        D = 1 + 2 * b * self.S[i, i]
+        pull, row = 2 * b / D, self.S[i, :]
+        distance = self.m[i] - centre
+        S = self.S - pull * (row.T @ row)
+        S[i, :] = row / D
+        S[:, i] = row.T / D
+        exponent = self.exponent - pull / 2 * distance**2 - ca.log(D) / 2
+        slope = self.slope - pull * distance * self.moves[i, :].T
+        return _Changed(self.m - pull * distance * row.T, S, exponent, slope, self.moves - pull * (row.T @ self.moves[i, :]))
+
+    def by_rates(self, a: ca.SX) -> _Changed:
+        """Times exp(a z)."""
+        exponent = self.exponent + ca.dot(a, self.m) + ca.dot(a, self.S @ a) / 2
+        return replace(self, m=self.m + self.S @ a, exponent=exponent, slope=self.slope + self.moves.T @ a)
 
 
 def _core(function: Reduced, core: DescribingFunction, joint: Joint, m: ca.SX, S: ca.SX) -> Moments:
