@@ -40,11 +40,11 @@ PLACES, REPEATS = 60, 15
 BOUNDS = {"closed form": 2.0, "over one argument": 10.0, "over several arguments": 200.0, "two measured curves": 200.0}
 
 
-def curve(argument: sp.Symbol, rows: int = 200) -> Lookup:
+def curve(argument: sp.Symbol, rows: int = 200, method: str = "linear") -> Lookup:
     """A measured curve of so many rows."""
     z = [sp.Rational(round(1000 * v), 1000) for v in np.linspace(-2, 2, rows)]
     f = [sp.Rational(round(1000 * (np.tanh(2 * float(v)) + 0.3 * np.sin(5 * float(v)))), 1000) for v in z]
-    return Lookup(argument, sp.Tuple(*z), sp.Tuple(*f), Str("extrapolate"), Str("linear"))
+    return Lookup(argument, sp.Tuple(*z), sp.Tuple(*f), Str("extrapolate"), Str(method))
 
 
 def of_library(kind: str, **numbers: float) -> sp.Expr:
@@ -66,16 +66,19 @@ ELEMENTS: Mapping[str, Callable[[], sp.Expr]] = {
     "clip(x, -1, 1)**3": lambda: parse("clip(x, -1, 1)**3"),
     "Stribeck": lambda: of_library("stribeck", kinetic=0.5, static=1, speed=0.2),
     "table of 200 rows": lambda: curve(X),
+    "monotone table of 200 rows": lambda: curve(X, method="monotone"),
     "|x|**0.4 sign(x)": lambda: of_library("power_law_damping", coefficient=1, exponent=0.4),
     "gas spring": lambda: of_library("gas_spring", force=1, length=1, stop=0.9),
     "tanh(x)": lambda: parse("tanh(x)"),
     "tanh(20*x)": lambda: parse("tanh(20*x)"),
     "atan(x)": lambda: parse("atan(x)"),
+    "atan(5*x)*tanh(x - 1)": lambda: parse("atan(5*x)*tanh(x - 1)"),
     "x**2*y": lambda: parse("x**2*y"),
     "Bouc-Wen 1": lambda: of_library("bouc_wen", A=1, beta=0.5, gamma=0.5),
     "sign(x)*max(y, 0)": lambda: of_library("coulomb_normal_load", friction=0.4),
     "table of 8 rows by 8": lambda: curve(X, 8) * curve(Y, 8),
     "table of 200 rows by 200": lambda: curve(X) * curve(Y),
+    "table of 200 rows*tanh(y)": lambda: curve(X) * sp.tanh(Y),
     "Bouc-Wen 1.5": lambda: of_library("bouc_wen", A=1, beta=0.5, gamma=0.5, exponent=sp.Rational(3, 2)),
     "|y||x|**0.5 x": lambda: parse("abs(y)*abs(x)**0.5*x"),
     "tanh(x*y)": lambda: parse("tanh(x*y)"),

@@ -183,7 +183,7 @@ def test_a_curve_of_many_rows_is_called_and_the_same_as_written_out(method, outs
         moments = ca.vertcat(*element_function(each, ())(m, S, []))
         both.append(ca.Function("both", [m, S], [moments, ca.jacobian(moments, ca.vertcat(m, S))]))
     called, written = both
-    assert called.find_functions()
+    assert max(each.info()["n"] for each in called.find_functions() if each.class_name() == "Map") <= 61  # once a row
     assert not written.find_functions()
     for mean, variance in product((0.3, -1.0, 5.0, -40.0), (0, 1e-300, 1e-6, 0.01, 0.5, 1e3, 1e6)):
         for found, wanted in zip(called(mean, variance), written(mean, variance), strict=True):

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 NARROW, NARROW_ORDER = 2.0, 14
 """Standard deviations over which a polynomial times the density is integrated to the last digit by so many nodes."""
 
+SERIES = {0.2: 12, NARROW: 31}
+"""The same by so many terms of the density's series about the middle; |phi^(k)| <= 0.44 sqrt(k!)."""
+
 
 def table_moment(table: Table, gaussian: Gaussian, order: int) -> ca.SX:
     """d^order/dm^order of E[factor * curve(slope z + offset)]."""
@@ -59,14 +62,18 @@ def _between(table: Table, gaussian: Gaussian, order: int) -> ca.SX:
 
 def _nodes_between(table: Table) -> tuple[np.ndarray, np.ndarray]:
     """Nodes of a rule for every row, and weights with the curve in them."""
-    knots, widths = np.array(table.knots[:-1]), np.diff(table.knots)
     nodes, weights = legendre(NARROW_ORDER)
-    x = knots[:, None] + widths[:, None] * nodes
-    rows, centres = np.array(table.segments[1:-1]), np.array(table.centres[1:-1])
+    x, values = _on_rows(table, nodes)
+    return x.ravel(), (values * weights * np.diff(table.knots)[:, None]).ravel()
+
+
+def _on_rows(table: Table, nodes: npt.NDArray[np.float64]) -> tuple[np.ndarray, np.ndarray]:
+    """Places from 0 to 1 along every row, (rows, nodes), and the curve there."""
+    x = np.array(table.knots[:-1])[:, None] + np.diff(table.knots)[:, None] * nodes
     values = np.zeros_like(x)
-    for column in reversed(rows.T):
-        values = values * (x - centres[:, None]) + column[:, None]
-    return x.ravel(), (values * weights * widths[:, None]).ravel()
+    for column in reversed(np.array(table.segments[1:-1]).T):
+        values = values * (x - np.array(table.centres[1:-1])[:, None]) + column[:, None]
+    return x, values
 
 
 def moments_of(table: Table, gaussian: Gaussian) -> tuple[ca.SX, ca.SX, ca.SX]:
@@ -172,18 +179,13 @@ def _curve(table: Table, orders: int) -> ca.Function:
     """(mean, variance, standard deviation) -> derivatives of E[curve] in the mean, from 0 on."""
     at = ca.MX.sym("at", 3)
     total = _sum_over_rows(table, orders)
-    if table.degree >= STEEP:
-        ends = _sum_over_rows(table.ends(), orders)(at)
-        x, weights = (ca.DM(each).T for each in _nodes_between(table))
-        own = ca.SX.sym("x"), ca.SX.sym("weight"), ca.SX.sym("at", 3)
-        each = [density_sum(own[1], own[0], own[2][0], own[2][2], order) for order in range(orders)]
-        node = ca.Function("node", list(own), [ca.vertcat(*each)])
-        between = node.map("nodes", "serial", x.numel(), [2], [0])(x, weights, at)
-        apart = ca.Function("apart", [at], [ends + between])
-        widest = float(max(np.diff(table.knots)))
-        total = ca.Function.if_else("either", apart, total)
-        return ca.Function("curve", [at], [total(widest < NARROW * at[2], at)], {"never_inline": True})
-    return ca.Function("curve", [at], [total(at)], {"never_inline": True})
+    if table.degree < STEEP:
+        return ca.Function("curve", [at], [total(at)], {"never_inline": True})
+    ends, widest = _sum_over_rows(table.ends(), orders), float(max(np.diff(table.knots)))
+    apart = [ca.Function("apart", [at], [ends(at) + _stretches(table, orders, count)(at)]) for count in SERIES.values()]
+    rung = sum((widest >= ratio * at[2] for ratio in SERIES), start=ca.MX(0))
+    choice = ca.Function.conditional("choice", apart, total)
+    return ca.Function("curve", [at], [choice(rung, at)], {"never_inline": True})
 
 
 def _sum_over_rows(table: Table, orders: int) -> ca.Function:
@@ -194,6 +196,36 @@ def _sum_over_rows(table: Table, orders: int) -> ca.Function:
     low, high = np.append(-np.inf, knots), np.append(knots, np.inf)
     rows = _over(_row(table.degree, orders), at, [low, high, table.centres, *segments.T])
     return ca.Function("curve", [at], [rows + _over(_knot(present, orders), at, [knots, *changes[:, list(present)].T])])
+
+
+def _stretches(table: Table, orders: int, count: int) -> ca.Function:
+    """At -> the polynomials between the knots, each on its own row, by so many terms of the density's series there."""
+    at, half = ca.MX.sym("at", 3), np.diff(table.knots) / 2
+    nodes, weights = legendre((table.degree + count) // 2 + 1)
+    _, values = _on_rows(table, nodes)
+    powers = np.vander(2 * nodes - 1, count, increasing=True) / [float(math.factorial(k)) for k in range(count)]
+    moments = 2 * half[:, None] * (values * weights) @ powers
+    columns = [table.knots[:-1] + half, half, 1 / half, *moments.T]
+    return ca.Function("stretches", [at], [_over(_stretch(count, orders), at, columns)])
+
+
+@lru_cache(maxsize=16)
+def _stretch(count: int, orders: int) -> ca.Function:
+    """(at, middle, half the width H and 1/H, C_k) -> E of what is on a row and its derivatives; C_k = int f (x/H)^k dx / k!.
+
+    With x and u the distances of a point from the middle, and of that from the mean in standard deviations,
+    phi(u + x/s) = sum_k D_k (x/H)^k / k!, D_k = (-H/s)^k He_k(u) phi(u); one D further on, it is the derivative's.
+    """
+    at, middle, half, inverse = ca.SX.sym("at", 3), ca.SX.sym("middle"), ca.SX.sym("half"), ca.SX.sym("inverse")
+    own, scale = [ca.SX.sym(f"c{k}") for k in range(count)], 1 / at[2]
+    u, r = clipped((middle - at[0]) * scale), half * scale
+    first, second = -u * r, r * r
+    terms = [density(u), first * density(u)]
+    for k in range(1, count + orders - 2):
+        terms.append(first * terms[k] - k * second * terms[k - 1])
+    totals = [sum((c * d for c, d in zip(own, terms[order:], strict=False)), start=ca.SX(0)) for order in range(orders)]
+    scaled = [(-1) ** order * scale * inverse**order * total for order, total in enumerate(totals)]
+    return ca.Function("stretch", [at, middle, half, inverse, *own], [ca.cse(ca.vertcat(*scaled))])
 
 
 def _over(function: ca.Function, at: ca.MX, columns: Sequence[npt.ArrayLike]) -> ca.MX:
