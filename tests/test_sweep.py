@@ -14,6 +14,7 @@ from reference_models import toml
 import cadet_sym as cs
 from cadet_sym import sweeps
 from cadet_sym.errors import ModelError
+from cadet_sym.solve.native import Native
 from cadet_sym.sweeps import sweep
 
 MODEL = """
@@ -147,6 +148,19 @@ def test_threads_that_share_runs_out_give_the_numbers_of_one(count):
         assert one[k].provenance.engine == three[k].provenance.engine
         np.testing.assert_array_equal(one[k].state_covariance, three[k].state_covariance)
         np.testing.assert_array_equal(one[k].output_variance, three[k].output_variance)
+
+
+def test_nodes_taken_side_by_side_give_each_run_its_own_numbers():
+    """Of quadratures, whose nodes are evaluated several at a time, whoever runs what beside them."""
+    model = toml(MODEL.replace("e*x**3", "e*tanh(x*v) - abs(v)*tanh(2*v)"))
+    values = {"e": np.linspace(0.1, 0.5, 13)}
+    one, three = (sweep(model, values, workers=count) for count in (1, 3))
+    compiled = cs.compile(model)
+    for k, e in enumerate(values["e"]):
+        alone = compiled.propagate(parameters={"e": e})
+        assert alone.provenance.engine == Native.name
+        for runs in (one, three):
+            np.testing.assert_array_equal(runs[k].state_covariance, alone.state_covariance)
 
 
 def test_there_is_at_least_one_worker():
