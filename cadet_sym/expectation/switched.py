@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import comb, factorial, perm, pi
 
 import sympy as sp
@@ -31,6 +31,9 @@ from cadet_sym.expectation.conic import CURVES, Course, Point, Side, outer
 from cadet_sym.expectation.planar import Moments
 
 Evaluate = Callable[[Sequence[sp.Expr], Mapping[sp.Symbol, Number]], list[Number]]
+
+Terms = Mapping[tuple[int, int], sp.Expr]
+"""Coefficients of p^i q^j."""
 
 ORDERS = tuple(range(8, 161, 8))  # nodes of a side
 FIRST = 20.0  # nodes of a side, and more for each unit of its length in tau
@@ -85,9 +88,16 @@ class Row:
 
     derivatives: tuple[sp.Symbol, ...] = ()  # the last one may be a parameter, the others are p or q
 
-    def area(self, value: sp.Expr) -> sp.Expr:
+    def area(self, terms: Terms, p: sp.Symbol, q: sp.Symbol) -> Terms:
         """The derivative of a polynomial."""
-        return sp.expand(sp.diff(value, *self.derivatives)) if self.derivatives else value
+        for z in self.derivatives:
+            if z in (p, q):
+                k = int(z == q)
+                terms = {_less(powers, k): powers[k] * c for powers, c in terms.items() if powers[k]}
+            else:
+                slopes = ((powers, sp.diff(c, z)) for powers, c in terms.items() if c.has(z))
+                terms = {powers: slope for powers, slope in slopes if slope != 0}
+        return terms
 
     def along(self, jump: sp.Expr, p: sp.Symbol, q: sp.Symbol) -> list[Along]:
         """What the derivatives of 1(left) times the jump leave along the curve, where that does not vanish."""
@@ -161,7 +171,12 @@ class Switched:
         return normal(jump.subs(q, sp.expand(q - level / sp.diff(level, q)))) == 0
 
 
-def polynomial(value: sp.Expr, p: sp.Symbol, q: sp.Symbol) -> dict[tuple[int, int], sp.Expr]:
+def _less(powers: tuple[int, int], k: int) -> tuple[int, int]:
+    return powers[0] - (k == 0), powers[1] - (k == 1)
+
+
+@lru_cache(maxsize=1024)
+def polynomial(value: sp.Expr, p: sp.Symbol, q: sp.Symbol) -> Terms:
     """Coefficients of p^i q^j."""
     return {powers: c for powers, c in sp.Poly(value, p, q).terms() if c != 0}
 
@@ -222,12 +237,13 @@ class Sums:
     def __init__(self, function: Switched, border: Border, rows: Sequence[Row], evaluate: Evaluate, xp: Algebra):
         self.function, self.border, self.rows, self.evaluate, self.xp = function, border, rows, evaluate, xp
         self.p, self.q = function.coordinates
-        self.areas = [polynomial(row.area(border.jump), self.p, self.q) for row in rows]
+        self.areas = [row.area(polynomial(border.jump, self.p, self.q), self.p, self.q) for row in rows]
         self.alongs = [
             [each for each in row.along(border.jump, self.p, self.q) if not function.is_continuous(border, each.factor)]
             for row in rows
         ]
 
+    @cached_property
     def acts(self) -> Number:
         """Whether f changes across the curve, for the numbers of the parameters."""
         jump = self._valued(polynomial(self.border.jump, self.p, self.q))
@@ -309,7 +325,7 @@ def around(
     for row in rows:
         found: Number = 0.0
         for region in function.regions:
-            terms = polynomial(row.area(region.value), *function.coordinates)
+            terms = row.area(polynomial(region.value, *function.coordinates), *function.coordinates)
             value = expansion.mean(dict(zip(terms, evaluate(list(terms.values()), {}), strict=True)))
             for border, hand in region.hands:
                 left = courses[border].is_left

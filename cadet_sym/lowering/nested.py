@@ -241,5 +241,5 @@ def _moving_jumps(df: DescribingFunction, joint: Joint, z: sp.Symbol) -> ca.SX:
         for jump in function.jumps if not any(product.powers) else ():
             size = jump.size(0) * sp.diff(jump.position, z)
             if size != 0:
-                total -= y.value(product.coefficient * size) * y.impulse(jump.position, 0)
+                total -= y.complex_value(product.coefficient * size).real * y.impulse(jump.position, 0)
     return total

@@ -110,7 +110,7 @@ class _Engine:
             call = self._side(border)
             for course, side in ((each, side) for each in own for side in each.sides):
                 rung = 1 + order_index(side, self.switched.finer, xp)
-                rung = ca.if_else(course.there * sums.acts() * (side.last > side.first) > 0, rung, 0)
+                rung = ca.if_else(course.there * sums.acts * (side.last > side.first) > 0, rung, 0)
                 results += [rung, ca.vertcat(*side.numbers), ca.vertcat(*course.numbers), shared]
                 calls.append(call)
         v = ca.MX.sym("v", 5 + len(self.free))
