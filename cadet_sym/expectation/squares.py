@@ -19,6 +19,7 @@ from cadet_sym.language.numeric import evaluate
 
 MAX_ARGUMENTS = 6  # a polynomial in more has too many moments
 MOST_DEGREE, MOST_TERMS = 8, 40
+FIXED, LITTLE = (40, 48, 56, 64, 80, 96), 1e-9  # nodes of a sum that is written out, and its error
 STEPS = (0.4, 0.35, 0.3, 0.27, 0.24, 0.21, 0.18, 0.15)
 FINEST = 0.08
 WANTED, WARNED = 2e-12, 1e-8
@@ -218,10 +219,14 @@ def error_of(function: QuadraticPower, sample: Mapping[sp.Symbol, float]) -> flo
     return function.error if least >= 0 and exists and real else np.inf
 
 
-def with_count(function: QuadraticPower, count: int) -> QuadraticPower:
-    """The function with the same number of nodes always, and its error where variances are not too unlike."""
-    shape = replace(function.shape, kinked=False)
-    return replace(function, count=count, nodes=count, error=_Cases(shape, RATIOS[:-1]).error(0.0, count))
+def with_count(function: QuadraticPower) -> QuadraticPower:
+    """The function with the same number of nodes always, as few as leave little error where variances are not too unlike."""
+    cases = _Cases(replace(function.shape, kinked=False), RATIOS[:-1])
+    for count in FIXED:
+        error = cases.error(0.0, count)
+        if error <= LITTLE:
+            break
+    return replace(function, count=count, nodes=count, error=error)
 
 
 class _Cases:

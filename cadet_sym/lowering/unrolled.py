@@ -37,9 +37,6 @@ MANY_PAIRS = 2000
 COUNTS = (40, 24)
 """Nodes on the outer and the inner line: enough for moments of the order of the functions' own scales."""
 
-COUNT = 64
-"""Nodes of the integral over one variable for powers of quadratic polynomials: the same."""
-
 ORDER = 48
 """Nodes of a stretch of a conic: the same."""
 
@@ -81,7 +78,7 @@ def _fixed(part: Part, where: str, numbers: Mapping[sp.Symbol, float]) -> Part:
     if isinstance(part, Homogeneous):
         return with_one_rule(part, numbers)
     if isinstance(part, QuadraticPower):
-        return with_count(part, COUNT)
+        return with_count(part)
     if isinstance(part, Nested | Reduced):
         return part.written_with(lambda df: _function(df, where, numbers))
     if isinstance(part, Switched):
