@@ -21,6 +21,7 @@ from cadet_sym.expectation.adaptive import integrate
 from cadet_sym.expectation.homogeneous import homogeneous
 from cadet_sym.expectation.quadratic import QuadraticPower
 from cadet_sym.expectation.quadrature import Wish
+from cadet_sym.expectation.reduced import Reduced
 from cadet_sym.expectation.smooth import planar
 from cadet_sym.expectation.squares import quadratic_powers, with_count
 from cadet_sym.language.expression import parse, symbol
@@ -254,6 +255,19 @@ def test_parameters_stay_parameters():
         ends = [np.concatenate([np.array(r).ravel() for r in function(mean, S, np.array([3, 0.7]) + s * h)]) for s in (1, -1)]
         assert np.array(slopes([3, 0.7]))[:, k] == pytest.approx((ends[0] - ends[1]) / 2e-4, rel=1e-6, abs=1e-8)
     assert x in df.body.free_symbols
+
+
+@pytest.mark.parametrize(
+    ("load", "rest"), [("w*exp(-w**2)", "x/sqrt(x**2 + y**2)"), ("w**2", "exp(x/3)*sqrt(x**2 + y**2 + 1)")]
+)
+def test_exponentials_leave_the_polynomial_under_the_integral(load, rest):
+    df = describe(f"{load}*{rest}")
+    assert isinstance(df.products[0], Reduced)
+    assert isinstance(df.products[0].core.products[0], QuadraticPower)
+    mean, S = moments(3, 0.0)
+    first, second = (element_function(describe(part), ()) for part in (load, rest))
+    wanted = float(first(mean[2], S[2, 2], [])[0]) * found(second, mean[:2], S[:2, :2])[0]
+    assert found(element_function(df, ()), mean, S)[0] == pytest.approx(wanted, rel=1e-11)
 
 
 def test_a_kink_may_stand_at_a_parameter():

@@ -23,6 +23,7 @@ from sympy.core.relational import Relational
 
 from cadet_sym.errors import LinearisationError
 from cadet_sym.expectation.pieces import has_kinks
+from cadet_sym.expectation.quadratic import QuadraticPower
 from cadet_sym.expectation.quadrature import Wish
 from cadet_sym.expectation.switched import Switched
 
@@ -119,8 +120,7 @@ def reduced(
     for (exponential, core), terms in _shared(sums).items():
         part = _described(arguments, core, terms, exponential, where, wish)
         if part is None:
-            monomials = (c * sp.Mul(*(z**n for z, n in zip(arguments, powers, strict=True))) for c, powers in terms)
-            rest.append(exponential.of(arguments) * core * sp.Add(*monomials))
+            rest.append(exponential.of(arguments) * core * _polynomial(arguments, terms))
         else:
             found.append(part)
     return found, rest
@@ -148,6 +148,10 @@ class _Exponential:
 Terms = tuple[tuple[sp.Expr, tuple[int, ...]], ...]
 
 
+def _polynomial(arguments: Sequence[sp.Symbol], terms: Terms) -> sp.Expr:
+    return sp.Add(*(c * sp.Mul(*(z**n for z, n in zip(arguments, powers, strict=True))) for c, powers in terms))
+
+
 def _shared(sums: Mapping[tuple[_Exponential, tuple[int, ...]], sp.Expr]) -> dict[tuple[_Exponential, sp.Expr], Terms]:
     """The terms with the same function together."""
     found: dict[tuple[_Exponential, sp.Expr], Terms] = {}
@@ -168,6 +172,9 @@ def _described(
     forms = tuple(Form(tuple(sp.Integer(i == k) for i in range(len(arguments)))) for k in used)
     core = describe(own, body, where, wish)
     degree = max(sum(powers) for _, powers in terms)
+    if degree and any(isinstance(part, QuadraticPower) for part in core.products):  # which does with powers by itself
+        whole = body * _polynomial(arguments, terms)
+        return _described(arguments, whole, ((sp.S.One, (0,) * len(arguments)),), exponential, where, wish)
     if degree <= _derivatives(core):
         return Reduced(core, forms, terms, exponential.rates, exponential.bells)
     if degree > 1 or not all(isinstance(part, Switched) and not part.jumps for part in core.products):
