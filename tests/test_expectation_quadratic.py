@@ -204,6 +204,16 @@ def test_whatever_vanishes_all_is_finite(text):
                 assert all(np.all(np.isfinite(np.array(r))) for r in both(v)), (stds, rho, mean)
 
 
+@pytest.mark.parametrize("text", ["x*sqrt(x**2 + y**2 + w**2)", "max(w, 0)*x/sqrt(x**2 + y**2 + 0.04)"])
+def test_a_covariance_that_is_not_quite_one_is_taken_as_the_nearest(text):
+    rng, mean = np.random.default_rng(4), np.array([0.3, -0.5, 0.8])
+    root = np.array([[1.0, 0.0], [2.0, 0.0], [0.5, 1.0]])  # y = 2 x
+    wanted = found(function_of(text), mean, root @ root.T)
+    for _ in range(20):
+        noise = 1e-6 * rng.normal(size=(3, 3))
+        assert found(function_of(text), mean, root @ root.T + noise + noise.T) == pytest.approx(wanted, rel=1e-4)
+
+
 @pytest.mark.parametrize("text", ["x*sqrt(x**2 + y**2)", "x/sqrt(x**2 + y**2)", "y/sqrt(x**2 + y**2 + 0.01)"])
 def test_with_one_variance_left_there_is_one_argument(text):
     function, x = function_of(text), NAMES[0]

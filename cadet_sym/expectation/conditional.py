@@ -2,7 +2,8 @@
 
 A function is written as a sum of monomials times functions of one argument each. With none or one such function Stein's
 lemma, E[(z - m) g] = S E[grad g], reduces it to one argument; with two that are piecewise polynomials, to the bivariate
-normal distribution. What is left is integrated over one argument, given which the others are Gaussian again.
+normal distribution. Polynomials times powers of sums of squares are integrals over one variable. What is left is integrated
+over one argument, given which the others are Gaussian again.
 """
 
 from __future__ import annotations

@@ -180,13 +180,18 @@ def _product(factors: Sequence[Number]) -> Number:
 
 
 def _factor(n: int, S: Sequence[Number], floor: float, xp: Algebra) -> list[list[Number]]:
-    """Columns of L, L L^T = S."""
+    """Columns of L, L L^T = S; where S is not positive semidefinite, by integration errors say, of one that nearly is S."""
     columns: list[list[Number]] = []
+    variances = [S[i * (i + 1) // 2 + i] for i in range(n)]
     for k in range(n):
         left = [S[i * (i + 1) // 2 + k] - sum(c[i] * c[k] for c in columns) for i in range(k, n)]
-        own = S[k * (k + 1) // 2 + k]
-        pivot = xp.sqrt(xp.fmax(left[0], 0.0) + (ROUNDING * xp.fmax(own, 0.0) if k else 0.0) + floor)
-        columns.append([0.0 * own] * k + [pivot] + [x / pivot for x in left[1:]])
+        least = (ROUNDING * xp.fmax(variances[k], 0.0) if k else 0.0) + floor
+        pivot = xp.sqrt(xp.fmax(left[0], 0.0) + least)
+        column = [0.0 * pivot] * k + [pivot]
+        for i, x in enumerate(left[1:], start=k + 1):
+            most = xp.sqrt(xp.fmax(variances[i] - sum(c[i] * c[i] for c in columns), 0.0))  # what its variance allows
+            column.append(xp.where(left[0] > least, xp.fmin(xp.fmax(x / pivot, -most), most), 0.0))
+        columns.append(column)
     return columns
 
 
