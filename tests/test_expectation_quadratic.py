@@ -39,6 +39,7 @@ THREE = [
     "(x - w)/sqrt((x - w)**2 + 2*y**2)",
     "x/(x**2 + y**2 + w**2)**1.5", "w/(x**2 + x*y + y**2 + y*w + w**2 + 1)", "x*y*w*sqrt(1 + (x + y)**2)",
     "max(w, 0)*x/sqrt(x**2 + y**2 + 0.04)", "clip(w, -1, 0.9)*x*sqrt(x**2 + y**2)",
+    "exp(-abs(w))*sin(w)*x*sqrt(x**2 + y**2 + 1)",
 ]  # fmt: skip
 CORRELATIONS = [-0.999999, -0.95, 0.0, 0.5, 1.0]
 

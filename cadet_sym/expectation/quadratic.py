@@ -9,8 +9,8 @@ a positive power being a whole one, multiplied out, times a negative one: one di
 derivatives of f, monomials times Q^(p-1), Q^(p-2), ..; where a derivative is so large at Q = 0 that it may have an impulse
 there, E[f exp(-t Q)] is differentiated in its place.
 
-A factor that is a piecewise polynomial of one linear form (a normal load that cannot pull, max(N, 0)) is one more y, and comes
-under the integral as its expectation and the derivatives of that, which Stein's lemma asks for.
+A factor g that is in closed form in one argument (a normal load that cannot pull, max(N, 0)) is one more y, and comes under
+the integral as its expectation and the derivatives of that, which Stein's lemma asks for.
 """
 
 from __future__ import annotations

@@ -11,6 +11,7 @@ import sympy as sp
 from cadet_sym.errors import LinearisationError
 from cadet_sym.expectation.algebra import NumpyAlgebra
 from cadet_sym.expectation.closed_form import normal
+from cadet_sym.expectation.pieces import has_kinks
 from cadet_sym.expectation.quadratic import QuadraticPower, Shape
 from cadet_sym.expectation.quadrature import Wish
 from cadet_sym.expectation.tilted import COUNTS, Node, factors, frame_of, spread_out
@@ -75,6 +76,8 @@ def _quadratic_power(arguments: tuple[sp.Symbol, ...], parts: _Parts, where: str
     last = [z for z in symbols if kinked.has(z)]
     if last and least == 0 and base.has(*last):
         return None
+    if last and kinked.has(sp.exp) and not has_kinks(kinked, last[0]):  # it changes the distribution: see `reduced`
+        return None
     found = _in_forms(used, symbols, factor, squares, power, last)
     if found is None or len(found.forms) == 1:
         return None
@@ -84,7 +87,7 @@ def _quadratic_power(arguments: tuple[sp.Symbol, ...], parts: _Parts, where: str
             function = univariate(kinked, last[0], where, wish)
         except LinearisationError:
             return None
-        if not function.is_piecewise_polynomial or function.tables:
+        if function.integrals or function.error_functions or function.tables:  # not every derivative in closed form
             return None
         found = replace(found, factor=function)
     if least == 0 and not replace(found.shape, cone=True).exists(0):
