@@ -90,6 +90,7 @@ ELEMENTS: Mapping[str, Callable[[], sp.Expr]] = {
     "sqrt(x**2 + y**2)": lambda: parse("sqrt(x**2 + y**2)"),
     "drag in space": lambda: of_library("drag_in_space", coefficient=1),
     "x sqrt(x**2 + y**2 + w**2 + 1)": lambda: parse("x*sqrt(x**2 + y**2 + w**2 + 1)"),
+    "max(w, 0) x/sqrt(x**2 + y**2 + 1)": lambda: parse("max(w, 0)*x/sqrt(x**2 + y**2 + 1)"),
     "atan2(y, x)": lambda: parse("atan2(y, x)"),
 }
 
@@ -164,12 +165,12 @@ def row(name: str) -> None:
     machine, compiled = as_machine_code(over, m, S)
     bound = BOUNDS[kind(df)]
     print(
-        f"{name:<32}{kind(df):<24}{bound:6.0f}{1e6 * virtual:11.2f}{1e6 * machine:11.2f}{virtual / machine:8.1f}"
+        f"{name:<36}{kind(df):<24}{bound:6.0f}{1e6 * virtual:11.2f}{1e6 * machine:11.2f}{virtual / machine:8.1f}"
         f"{'' if 1e6 * machine <= bound else ' !':>2}{size(function):11d}{made:8.2f}{compiled:8.2f}"
     )
 
 
 if __name__ == "__main__":
-    print(f"{'':<56}{'bound':>6}{'CasADi us':>11}{'machine us':>11}{'ratio':>8}  {'operations':>11}{'made s':>8}{'code s':>8}")
+    print(f"{'':<60}{'bound':>6}{'CasADi us':>11}{'machine us':>11}{'ratio':>8}  {'operations':>11}{'made s':>8}{'code s':>8}")
     for name in sys.argv[1:] or ELEMENTS:
         row(name)

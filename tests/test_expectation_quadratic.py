@@ -378,6 +378,19 @@ def test_gradients_are_differences(tmp_path):
     assert slope == pytest.approx((ends[0] - ends[1]) / (2 * h), rel=1e-5)
 
 
+def test_a_block_slides_from_rest_under_a_load_that_varies():
+    """Coulomb friction in the plane: by symmetry both directions obey the same equations."""
+    u, v, n, a, b, d = map(symbol, ("u", "v", "n", "a", "b", "d"))
+    friction, load = cs.from_library("coulomb_in_plane", force=1, speed="0.1"), parse("0.6*max(1 + n, 0)")
+    rates = {u: -load * friction(u, v) + a, v: -load * friction(v, u) + b, n: -2 * n + d}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        model = cs.compile(cs.Model(cs.Vehicle(rates=rates), noise={a: 0.3, b: 0.3, d: 0.5}, duration=2, points=3))
+        P = model.propagate().state_covariance
+    assert 0 < P[-1, 0, 0] < 0.5
+    assert np.allclose(P[:, 0, 0], P[:, 1, 1], rtol=1e-7)
+
+
 SPRING = """
 schema = 1
 name = "spring"
