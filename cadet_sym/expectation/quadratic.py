@@ -58,7 +58,7 @@ class Shape:
 
     def exists(self, order: int) -> bool:
         """Whether derivatives of that order have an expectation that is a plain integral."""
-        return not self.cone or 2 * self.power + self.degree + self.rank - order > 0
+        return not self.cone or bool(2 * self.power + self.degree + self.rank - order > 0)
 
     def is_kinked_in(self, i: int) -> bool:
         """Whether that y is the argument of g."""
@@ -67,6 +67,12 @@ class Shape:
     def floor(self, order: int) -> float:
         """A variance below all others, of which derivatives of that order are numbers."""
         return 10.0 ** -min(100.0, 250 / (order + 1 + max(0.0, -float(self.power))))
+
+    @cached_property
+    def falls(self) -> float:
+        """The power of 1/t as which the slowest of the integrands falls in the end, where c = 0."""
+        orders = [j for j in range(4) if self.exists(j)]
+        return min(float(self.power - j) + self.rank / 2 + (self.degree + j + 1) // 2 for j in orders)
 
     @cached_property
     def gains(self) -> tuple[Row, ...]:

@@ -244,7 +244,8 @@ class _Cases:
         m = [mean * stds[i] * (-0.7) ** i for i in range(n)]
         S = [stds[i] * stds[j] * lean ** abs(i - j) for i in range(n) for j in range(i + 1)]
         c = np.zeros_like(spread) if shape.cone else np.ones_like(spread)
-        self.c, self.frame = c, frame_of(shape, m, S, c, shape.floor(1), NumpyAlgebra())
+        with np.errstate(all="ignore"):
+            self.c, self.frame = c, frame_of(shape, m, S, c, shape.floor(1), NumpyAlgebra())
         *self.reference, size = self._sums(FINEST)
         units = np.array([np.ones_like(spread), *stds])
         self.scale = units / size

@@ -20,7 +20,7 @@ from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
-from math import exp, gamma
+from math import exp, gamma, log, nan
 from operator import mul
 
 from cadet_sym.expectation.algebra import Algebra, Number
@@ -28,11 +28,11 @@ from cadet_sym.expectation.quadratic import Row, Shape, Terms, less
 
 LOW = -0.8  # of x, where t begins to fall as the exponential of an exponential
 CLOSER = 0.03  # the part of c
-BEYOND = 4.2  # of high, where the integrand is negligible whatever it is
 NEGLIGIBLE = 30.0  # exponent of what is left out at either end
-NARROW = 1e-20  # square of an axis over E[Q] that narrower ones are taken for: f may be infinite without
+NARROW = 1e-20  # square of an axis over E[Q] that narrower ones are taken for
 SWEEPS = 6  # of rotations into the principal axes
 PLACES = 24  # at which it is looked how far the integrand reaches
+FAR_BEYOND = 4.2  # of high, where with c the integrand is negligible
 UNLIKE = 1e-6  # square of the ratio of axes up to which f may be one of the narrowest alone
 ROUNDING = 1e-16  # of a variance, what is known of it where others are given
 COUNTS = (24, 32, 40, 48, 64, 80, 104, 136, 176, 240)  # of nodes
@@ -131,7 +131,18 @@ def frame_of(shape: Shape, m: Sequence[Number], S: Sequence[Number], c: Number, 
     eta_hat, s_hat = [e * e / scale for e in eta], [square / scale for square in wide]
     first, high = lower_end(shape), -xp.log(narrowest)
     frame = Frame(first, first, high, scale, c / scale, eta_hat, s_hat, eta, list(m[r:]), leans, covariances, rest)
-    return replace(frame, last=_upper_end(shape, frame, first, xp))
+    frame = replace(frame, last=_upper_end(shape, frame, first, xp))
+    if not shape.exists(shape.rank - 1):  # with few axes it is infinite: no number then, rather than that of wider ones
+        spare = next(k for k in reversed(range(shape.rank)) if shape.exists(k))  # axes that it does without
+        narrow = sum(xp.where(square < NARROW * scale, 1.0, 0.0) for square in squares)
+        near = xp.where(_exponent(frame, 1 / NARROW) < NEGLIGIBLE, narrow, 0.0)
+        frame = replace(frame, scale=xp.where(near > spare, nan, scale))
+    return frame
+
+
+def _exponent(frame: Frame, t: Number) -> Number:
+    """-log of what the mean leaves of exp(-t Q/E[Q])."""
+    return t * (frame.c + _dot(frame.eta, [1 / (1 + 2 * t * s) for s in frame.s]))
 
 
 def tilted(shape: Shape, m: Sequence[Number], S: Sequence[Number], c: Number, t: Number, xp: Algebra) -> Tilted:
@@ -229,9 +240,9 @@ def _upper_end(shape: Shape, frame: Frame, first: float, xp: Algebra) -> Number:
 
     A polynomial may be one of y along the narrowest axis: it is told from what it is at most and, nearly, at least.
     """
-    length = frame.high + BEYOND - first
+    length = frame.high + (log((NEGLIGIBLE + 3) / shape.falls) if shape.cone else FAR_BEYOND) - first
     gain = shape.gains[1].power
-    half = (shape.degree + 2 * gain - 1) / 2
+    half = (shape.degree + 2 * gain - shape.exists(1)) / 2  # of the degree of that derivative
     places, sizes, least = [first + length * (k / PLACES) for k in range(1, PLACES + 1)], [], []
     for x in places:
         log_t, _ = spread_out(x, frame.high, xp)
