@@ -78,7 +78,6 @@ ELEMENTS: Mapping[str, Callable[[], sp.Expr]] = {
     "sign(x)*max(y, 0)": lambda: of_library("coulomb_normal_load", friction=0.4),
     "table of 8 rows by 8": lambda: curve(X, 8) * curve(Y, 8),
     "table of 200 rows by 200": lambda: curve(X) * curve(Y),
-    "table of 200 rows*tanh(y)": lambda: curve(X) * sp.tanh(Y),
     "Bouc-Wen 1.5": lambda: of_library("bouc_wen", A=1, beta=0.5, gamma=0.5, exponent=sp.Rational(3, 2)),
     "|y||x|**0.5 x": lambda: parse("abs(y)*abs(x)**0.5*x"),
     "tanh(x*y)": lambda: parse("tanh(x*y)"),

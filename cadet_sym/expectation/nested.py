@@ -32,6 +32,7 @@ WITH_STEPS = Rule(1, 24, straight=32)
 WITH_STEPS_AND_POLES = Rule(1, 40, straight=40)
 WITH_CURVES = Rule(3, 24, straight=32)
 AT_ENDS = Rule(1, 16, straight=24, graded=20)
+FEWEST = 16  # points that a slice takes at the least
 TRAPEZOIDAL = Rule(order=80)
 WITH_POLES = Rule(order=56, straight=40)
 WHOLE = Cell()
@@ -125,7 +126,7 @@ def nested(arguments: tuple[sp.Symbol, ...], used: tuple[int, ...], body: sp.Exp
     reason: LinearisationError | None = None
     rows = {i: _rows(body, arguments[i]) for i in used}
     for outer in sorted(used, key=lambda i: rows[i]):
-        if best is not None and rows[outer] > best.effort:  # a slice for every row takes more, and long to make
+        if best is not None and rows[outer] * FEWEST > best.effort:  # a slice for every row takes more, and long to make
             continue
         try:
             candidate = _over(arguments, used, outer, body, where, wish)

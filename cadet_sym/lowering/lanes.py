@@ -24,7 +24,7 @@ __all__ = ["over_columns", "side_by_side"]
 LONGEST = 2000
 """Operations of a function up to which this is worth the time to compile it."""
 
-IN_PLACE = 8
+IN_PLACE = 2
 """Exponentials of a function up to which they are written where they are; of more, each is a call."""
 
 N, LANES = SEVERAL.type, SEVERAL.lanes or 1
@@ -43,11 +43,10 @@ def over_columns(
     Pointers to what is shared stay. Of what is summed only the sum is written; the function must be one to be taken
     `side_by_side`.
     """
-    few = min(count, LANES)
-    if side_by_side(function) and (few == LANES or any(summed) or not VECTORS.keys().isdisjoint(_kinds(function))):
-        variant = few, *shared, *summed
+    few = count < LANES
+    if side_by_side(function) and (not few or any(summed) or not VECTORS.keys().isdisjoint(_kinds(function))):
         summed = summed or [False] * function.n_out()
-        return module.named(function, variant, lambda: _Lanes(function, few, shared, summed, module).text())
+        return module.named(function, (few, *shared, *summed), lambda: _Lanes(function, shared, summed, module, few).text())
     return _one_by_one(function, shared, module)
 
 
@@ -70,19 +69,19 @@ def _one_by_one(function: ca.Function, shared: Sequence[bool], module: Module) -
     return name
 
 
-def _advanced(pointer: str, columns: str, size: int) -> Iterator[str]:
+def _advanced(pointer: str, columns: str, size: int, lane: str = "") -> Iterator[str]:
     """Pointer %...p, so many columns further on."""
-    yield f"  %{pointer}f = mul i64 {columns}, {size}"
-    yield f"  %{pointer}p = getelementptr double, ptr %{pointer}, i64 %{pointer}f"
+    yield f"  %{pointer}f{lane} = mul i64 {columns}, {size}"
+    yield f"  %{pointer}p{lane} = getelementptr double, ptr %{pointer}, i64 %{pointer}f{lane}"
 
 
 class _Lanes:
     """Writes the operations on eight columns, or on all if they are fewer; those on shared numbers before the others."""
 
     def __init__(
-        self, function: ca.Function, columns: int, shared: Sequence[bool], summed: Sequence[bool], module: Module
+        self, function: ca.Function, shared: Sequence[bool], summed: Sequence[bool], module: Module, few: bool
     ) -> None:
-        self.function, self.columns, self.shared, self.summed, self.module = function, columns, shared, summed, module
+        self.function, self.shared, self.summed, self.module, self.few = function, shared, summed, module, few
         self.steps = operations(function)
         self.uses = Counter(step.kind for step in self.steps)
         module.kinds.update(self.uses.keys() - VECTORS.keys())
@@ -100,7 +99,7 @@ class _Lanes:
             else:
                 self._operation(k, step)
         head = f"define internal void @self(i64 %count, {arguments(self.function)}) nounwind {{"
-        columns = self._loop() if self.columns == LANES else self._once()
+        columns = self._once() if self.few else self._loop()
         ends = [line for k, entry in self.sums for line in _total(k, entry)]
         return [head, "start:", *self.before, *columns, *ends, "  ret void", "}"]
 
@@ -115,10 +114,8 @@ class _Lanes:
         yield from (f"  %b{k} = phi {N} [zeroinitializer, %start], [%t{k}, %columns]" for k, _ in self.sums)
         yield "  %few = icmp sgt i64 %k, %last"
         yield "  %first = select i1 %few, i64 %last, i64 %k"
-        if self.sums:
-            yield "  %again = sub i64 %k, %first"
-            yield from _everywhere("%known", "i64", "%again")
-            yield f"  %new = icmp sge {SEVERAL.of('i64')} <{', '.join(f'i64 {i}' for i in range(LANES))}>, %known"
+        yield "  %again = sub i64 %k, %first"
+        yield from self._new("sge", "%again")
         yield from self._pointers("%first")
         yield from self.lines
         yield f"  %next = add i64 %k, {LANES}"
@@ -127,21 +124,35 @@ class _Lanes:
         yield "end:"
 
     def _once(self) -> Iterator[str]:
-        """All of them: the other numbers of the eight are those of the first column, and go nowhere."""
+        """All of them, fewer than eight: the others of the eight are the last one again."""
         yield from (f"  %b{k} = select i1 true, {N} zeroinitializer, {N} zeroinitializer" for k, _ in self.sums)
-        if self.sums:
-            known = ", ".join(f"i1 {int(i < self.columns)}" for i in range(LANES))
-            yield f"  %new = select i1 true, {SEVERAL.truth} <{known}>, {SEVERAL.truth} zeroinitializer"
-        yield from self._pointers("0")
+        yield from self._new("slt", "%count")
+        yield "  %last = sub i64 %count, 1"
+        for i in range(LANES):
+            yield f"  %m{i} = icmp slt i64 {i}, %count"
+            yield f"  %j{i} = select i1 %m{i}, i64 {i}, i64 %last"
+            yield from self._pointers(f"%j{i}", str(i))
         yield from self.lines
 
-    def _pointers(self, first: str) -> Iterator[str]:
+    def _new(self, comparison: str, bound: str) -> Iterator[str]:
+        """Which of the eight are to be summed."""
+        if self.sums:
+            yield from _everywhere("%known", "i64", bound)
+            yield f"  %new = icmp {comparison} {SEVERAL.of('i64')} <{', '.join(f'i64 {i}' for i in range(LANES))}>, %known"
+
+    def _pointers(self, first: str, lane: str = "") -> Iterator[str]:
+        """To what one column or eight have of the arguments and results."""
         for k, same in enumerate(self.shared):
             if not same:
-                yield from _advanced(f"i{k}", first, self.function.nnz_in(k))
+                yield from _advanced(f"i{k}", first, self.function.nnz_in(k), lane)
         for k, only_sum in enumerate(self.summed):
             if not only_sum:
-                yield from _advanced(f"o{k}", first, self.function.nnz_out(k))
+                yield from _advanced(f"o{k}", first, self.function.nnz_out(k), lane)
+
+    def _place(self, register: str, vector: str, index: int, size: int, i: int) -> str:
+        """A pointer to an entry of one of the eight."""
+        pointer, offset = (f"%{vector}p{i}", index) if self.few else (f"%{vector}p", index + i * size)
+        return f"  {register} = getelementptr double, ptr {pointer}, i64 {offset}"
 
     # -- operations -------------------------------------------------------------------------------------------
 
@@ -151,7 +162,7 @@ class _Lanes:
             self.same.add(k)
         lines = self.before if k in self.same else self.lines
         if step.kind in VECTORS:
-            lines += vector(k, step.kind, values[0], self.module, in_place=self.uses[step.kind] <= IN_PLACE)
+            lines += vector(k, step.kind, values[0], self.module, in_place=not self.few and self.uses[step.kind] <= IN_PLACE)
         else:
             lines += SEVERAL.instructions(k, step.kind, values, self.truths)
 
@@ -172,20 +183,15 @@ class _Lanes:
         return self.loaded[operand]
 
     def _load(self, register: str, entry: Entry) -> Iterator[str]:
-        size, few = self.function.nnz_in(entry.vector), self.columns
-        if size == 1:
-            there = register if few == LANES else f"{register}v"
-            yield f"  {there} = load <{few} x double>, ptr %i{entry.vector}p, align 8"
-            if few < LANES:
-                yield _reordered(register, few, there, [i if i < few else 0 for i in range(LANES)])
+        size, so_far = self.function.nnz_in(entry.vector), "poison"
+        if size == 1 and not self.few:
+            yield f"  {register} = load {N}, ptr %i{entry.vector}p, align 8"
             return
-        so_far = "poison"
         for i in range(LANES):
             there = register if i == LANES - 1 else f"{register}.{i}"
-            if i < few:
-                yield f"  {register}p{i} = getelementptr double, ptr %i{entry.vector}p, i64 {entry.index + i * size}"
-                yield f"  {register}v{i} = load double, ptr {register}p{i}"
-            yield f"  {there} = insertelement {N} {so_far}, double {register}v{i if i < few else 0}, i64 {i}"
+            yield self._place(f"{register}p{i}", f"i{entry.vector}", entry.index, size, i)
+            yield f"  {register}v{i} = load double, ptr {register}p{i}"
+            yield f"  {there} = insertelement {N} {so_far}, double {register}v{i}, i64 {i}"
             so_far = there
 
     def _output(self, k: int, step: Operation) -> None:
@@ -199,15 +205,13 @@ class _Lanes:
             self.lines += self._store(k, entry, value)
 
     def _store(self, k: int, entry: Entry, value: str) -> Iterator[str]:
-        size, few = self.function.nnz_out(entry.vector), self.columns
-        if size == 1:
-            if few < LANES:
-                yield _reordered(f"%f{k}", LANES, value, range(few))
-            yield f"  store <{few} x double> {value if few == LANES else f'%f{k}'}, ptr %o{entry.vector}p, align 8"
+        size = self.function.nnz_out(entry.vector)
+        if size == 1 and not self.few:
+            yield f"  store {N} {value}, ptr %o{entry.vector}p, align 8"
             return
-        for i in range(few):
+        for i in range(LANES):
             yield f"  %f{k}.{i} = extractelement {N} {value}, i64 {i}"
-            yield f"  %s{k}.{i} = getelementptr double, ptr %o{entry.vector}p, i64 {entry.index + i * size}"
+            yield self._place(f"%s{k}.{i}", f"o{entry.vector}", entry.index, size, i)
             yield f"  store double %f{k}.{i}, ptr %s{k}.{i}"
 
 
