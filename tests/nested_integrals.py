@@ -19,7 +19,7 @@ from scipy.special import erf
 
 Function = Callable[..., np.ndarray]
 
-REACH = 8.6
+REACH = 13.0
 LADDER = 0.08 * 2.5 ** np.arange(18)
 LADDER = np.concatenate([-LADDER[::-1], [0.0], LADDER])  # sizes of the arguments at which lines are cut
 BESIDE = np.array([0, 1e-9, 1e-6, 1e-4, 0.01, 0.1, 0.25, 0.4])
@@ -119,10 +119,16 @@ class Truth:
 
 
 def truth(
-    function: Function, switches: Sequence[Function], mean: Any, L: Any, tolerance: float = 1e-11, most: float = 2e7
+    function: Function,
+    switches: Sequence[Function],
+    mean: Any,
+    L: Any,
+    tolerance: float = 1e-11,
+    most: float = 2e7,
+    nodes: int = NODES,
 ) -> Truth:
     """E[f], its derivatives and an error, relative to E|f|; infinite if that takes too many evaluations."""
-    problem = _Problem(function, switches, np.asarray(mean, float), np.asarray(L, float), most)
+    problem = _Problem(function, switches, np.asarray(mean, float), np.asarray(L, float), most, nodes)
     rough = np.abs(function(*problem.at(np.random.default_rng(0).normal(size=(len(mean), 4000)))))
     size = float(np.mean(rough[np.isfinite(rough)])) or 1e-300
     (sums,), (error,) = problem.lines(np.zeros((0, 1)), tolerance * size)
@@ -154,6 +160,7 @@ class _Problem:
     mean: np.ndarray
     L: np.ndarray
     most: float
+    nodes: int
     spent: float = 0
 
     @property
@@ -169,7 +176,7 @@ class _Problem:
     def cuts(self, e: np.ndarray) -> np.ndarray:
         """Where lines on which so many of the e are given are cut whatever happens there, (lines, cuts)."""
         level, count = len(e), e.shape[1]
-        found = [np.broadcast_to(np.linspace(-REACH, REACH, 13), (count, 13))]
+        found = [np.broadcast_to(np.linspace(-REACH, REACH, 21), (count, 21))]
         for m, row in zip(self.mean[level:], self.L[level:], strict=True):
             slope = row[level]
             if abs(slope) * REACH < 1e-13:
@@ -216,7 +223,7 @@ class _Problem:
         cuts = self._switched(e, self.cuts(e))
         line, at = np.nonzero(np.diff(cuts, axis=1) > 0)
         low, high = cuts[line, at][:, None], cuts[line, at + 1][:, None]
-        t, w = np.polynomial.legendre.leggauss(NODES)
+        t, w = np.polynomial.legendre.leggauss(self.nodes)
         t = (t + 1) / 2
         t, w = t**3 * (10 - 15 * t + 6 * t * t), w / 2 * 30 * (t * (1 - t)) ** 2  # so that a root at an end is none
         total = np.zeros((e.shape[1], self.sums))

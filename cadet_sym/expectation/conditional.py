@@ -301,20 +301,26 @@ def _expanded(expr: sp.Expr) -> sp.Expr:
 
 def _merged(terms: list[_Term]) -> list[_Term]:
     """Add the functions of the last argument with equal other factors: what is continuous in it must come together."""
-    sums: dict[tuple[tuple[int, ...], tuple[tuple[int, sp.Expr], ...], int], sp.Expr] = {}
+    sums: dict[tuple[tuple[int, ...], tuple[tuple[int, sp.Expr], ...], int, sp.Expr], sp.Expr] = {}
     plain: dict[tuple[int, ...], sp.Expr] = {}
     for term in terms:
         if not term.functions:
             plain[term.powers] = plain.get(term.powers, sp.S.Zero) + term.coefficient
             continue
         *others, (index, function) = term.functions
-        key = (term.powers, tuple(others), index)
+        key = (term.powers, tuple(others), index, _bells(function) if others else sp.S.One)
         sums[key] = sums.get(key, sp.S.Zero) + term.coefficient * function
     result = [_Term(coefficient, powers, ()) for powers, coefficient in plain.items() if coefficient != 0]
-    for (powers, others, index), function in sums.items():
+    for (powers, others, index, _), function in sums.items():
         if function != 0:
             result.append(_Term(sp.S.One, powers, (*others, (index, function))))
     return result
+
+
+def _bells(function: sp.Expr) -> sp.Expr:
+    """The factors exp(..) of squares, by which other functions are reduced to simpler ones."""
+    exponentials = (f for f in sp.Mul.make_args(function) if isinstance(f, sp.exp))
+    return sp.Mul(*(f for f in exponentials if any(isinstance(e, sp.Pow) and e.exp == 2 for e in f.args[0].atoms(sp.Pow))))
 
 
 def _product(term: _Term, arguments: tuple[sp.Symbol, ...], where: str, wish: Wish) -> Product | sp.Expr:

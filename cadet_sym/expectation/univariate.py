@@ -185,14 +185,23 @@ def _jumps(closed: PiecewiseForm, cells: Iterable[tuple[Cell, sp.Expr]], z: sp.S
         for bound, sign in ((cell.lower, 1), (cell.upper, -1)):
             if not bound.is_infinite:
                 pieces[bound].append((sign, cell.indicated(value)))
-                if singular_at(value, z, bound):
+                places = bound.args if isinstance(bound, sp.Max | sp.Min) else (bound,)
+                if any(singular_at(value, z, place) for place in places):
                     singular.add(bound)
     for position in dict.fromkeys((*terms, *pieces)):
         own = tuple(pieces.get(position, ()))
         yield Jump(position, terms.get(position, ()), own, z, position in singular)
 
 
+def _is_root(expr: sp.Basic) -> bool:
+    return isinstance(expr, sp.Pow) and not (expr.exp.is_integer or expr.exp.is_negative or expr.base.is_number)
+
+
 def _value_at(expr: sp.Expr, z: sp.Symbol, position: sp.Expr) -> sp.Expr:
-    """Value at an end, where a power of zero is zero: one that is not has no jump that could be counted."""
+    """Value at an end, where a power of zero is zero: one that is not has no jump that could be counted.
+
+    A cell may be empty for the numbers of the parameters: at its ends roots need not be real.
+    """
     value = expr.subs(z, position).replace(lambda e: isinstance(e, sp.Pow) and e.base == 0, lambda e: sp.S.Zero)
+    value = value.replace(_is_root, lambda e: sp.Max(e.base, 0, evaluate=False) ** e.exp)
     return sp.S.Zero if value.has(sp.zoo, sp.nan, sp.oo) else value

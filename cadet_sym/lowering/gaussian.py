@@ -27,6 +27,7 @@ from cadet_sym.lowering.tables import NARROW, NARROW_ORDER, table_moment
 # Added to the variance inside: far below what the variance of any state is resolved to, so that F and the gain are those
 # of the variance itself, and so large that s^-6 is finite: derivatives at a jump go as powers of 1/s.
 FLOOR = 1e-100
+NEAREST = 1e-14  # of a standard deviation, and of a place, that nodes keep from it
 LARGEST = 600.0  # of an exponent
 RESOLVED = 1e-14  # of the square of the scale on which f changes, added where the nodes of a sum go by a standard deviation
 
@@ -248,8 +249,18 @@ class _Panels:
             points = [ca.if_else(self.gap > 0, far, g.s * distance) for distance, far in near]
         else:
             self.symbol, self.value = part.argument, part.value
-            points = [g.m + g.s * n.u for n in self.nodes]
+            points = [self._inside(part, g.m + g.s * n.u) for n in self.nodes]
         self.lowerings = [Lowering({**g.env, self.symbol: z}, split_powers=True) for z in points]
+
+    def _inside(self, part: Integral, points: ca.SX) -> ca.SX:
+        """The points, none on an end at which a root of the function may be, that of several places being the last or first."""
+        g = self.gaussian
+        for end, side in ((part.lower, 1), (part.upper, -1)):
+            if isinstance(end, sp.Max | sp.Min):
+                bound = g.value(end)
+                nearest = bound + side * NEAREST * (g.s + ca.fabs(bound))
+                points = ca.fmax(points, nearest) if side > 0 else ca.fmin(points, nearest)
+        return points
 
     def total(self, order: int) -> ca.SX:
         """E of the piece, or of its derivative."""

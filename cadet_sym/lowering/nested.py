@@ -64,8 +64,12 @@ class _Conditioning:
         for piece in nested.slices:
             low, high = self._ends(piece)
             for nodes in self._nodes(piece, low, high):
+                points = self._points(piece, nodes)
                 weight = ca.if_else(high > low, nodes.weight, 0)
-                points = ca.if_else(weight != 0, self._points(piece, nodes), self._somewhere(piece))
+                for end in (piece.part.lower, piece.part.upper) if any(piece.part.singular) else ():
+                    if not end.is_infinite:  # where derivatives have no value, and there is nothing left of the weight
+                        weight = ca.if_else(points != self.outer.value(end), weight, 0)
+                points = ca.if_else(weight != 0, points, self._somewhere(piece))
                 value, slope, inner = self._sums(piece.inner, piece.slope, points, nodes.u, weight)
                 F += value
                 gains[nested.outer] += slope
