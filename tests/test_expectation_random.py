@@ -37,7 +37,8 @@ SMOOTH = (
 )  # fmt: skip
 OF_TWO = (
     "max({x}, {y})", "clip({x}, -abs({y}), abs({y}))", "clip({x}*{y}, -1, 1)", "max({x}**2 - {y}, 0)", "sign({x}*{y} - c)*{y}",
-    "max({x}**2 + {y}**2 - 1, 0)", "tanh({x}*{y})", "exp({x}/3 - {y}/2)*abs({y} - c)", "sin({x} + {y})*{y}", "abs({x} - a*{y} + c)*{x}",
+    "max({x}**2 + {y}**2 - 1, 0)", "tanh({x}*{y})", "exp({x}/3 - {y}/2)*abs({y} - c)",
+    "sin({x} + {y})*{y}", "abs({x} - a*{y} + c)*{x}",
     "sign({x})*(c + exp(-{x}**2)/2)*max({y}, 0)", "tanh({x} - {y})*{x}", "max({x} - 2*{y}, 0)**1.5",
     "{x}*sqrt({x}**2 + {y}**2 + 0.1)",
 )  # fmt: skip
