@@ -80,12 +80,12 @@ class Product:
             for position in function.kinks():
                 yield argument, position
 
-    def knots(self) -> Iterator[tuple[int, sp.Expr, float]]:
-        """Arguments and positions of the kinks of measured curves, and by how much the slope changes there."""
+    def knots(self) -> Iterator[tuple[int, sp.Expr]]:
+        """Arguments and positions of the kinks of measured curves."""
         for argument, function in self.functions:
             for table in function.tables:
-                for knot, change in zip(table.knots, table.changes, strict=True):
-                    yield argument, (sp.Rational(knot) - table.offset) / table.slope, max(map(abs, change))
+                for knot in table.knots:
+                    yield argument, (sp.Rational(knot) - table.offset) / table.slope
 
     def expressions(self) -> Iterator[sp.Expr]:
         """Whatever depends on parameters."""

@@ -13,9 +13,10 @@ from cadet_sym.expectation.pieces import TINY
 if TYPE_CHECKING:
     from cadet_sym.expectation.describing import DescribingFunction
 
-MAX_CROSSINGS = 12
+MAX_CROSSINGS, MAX_KNOTS = 12, 6
 MAX_CURVES = 2
 CURVED_ERROR = 1e-4  # of gains, the largest found where kinks lie on a curve
+TURNED_ERROR = 0.03  # the same near full correlation where a measured curve has more rows than are followed
 LOST_ERROR = 0.1  # the same where there are too many to follow
 FOUND_ERROR = 1e-9  # the largest that these rules were found to leave, relative, up to correlation one
 
@@ -51,9 +52,11 @@ def crossings_of(inside: Sequence[DescribingFunction], z: sp.Symbol, others: tup
             error = CURVED_ERROR
             curve = _curve(position, z)
             curves.update({} if curve is None else {(argument, curve): width})
-    knots = sorted(_knots(inside), key=lambda knot: -knot[2])  # those first at which most changes
-    straight += dict.fromkeys(Crossing(others[i], position, sp.S.Zero, None) for i, position, _ in knots if not position.has(z))
-    error = error if len(straight) <= MAX_CROSSINGS else max(error, CURVED_ERROR)
+    knots = dict.fromkeys(Crossing(others[i], at, sp.S.Zero, None) for i, at in _knots(inside) if not at.has(z))
+    if len(knots) <= MAX_KNOTS:
+        straight += knots
+    else:  # a curve of many rows turns little at each: nodes for all of them would cost more than they are worth
+        error = max(error, TURNED_ERROR)
     if len(curves) <= MAX_CURVES:
         straight += [
             Crossing(argument, sp.S.Zero, sp.S.One, width, curve, _ON_CURVE, branch)
@@ -62,10 +65,10 @@ def crossings_of(inside: Sequence[DescribingFunction], z: sp.Symbol, others: tup
         ]
     else:
         error = LOST_ERROR
-    return straight[:MAX_CROSSINGS], error
+    return straight[:MAX_CROSSINGS], error if len(straight) <= MAX_CROSSINGS else max(error, CURVED_ERROR)
 
 
-def _knots(inside: Sequence[DescribingFunction]) -> Iterator[tuple[int, sp.Expr, float]]:
+def _knots(inside: Sequence[DescribingFunction]) -> Iterator[tuple[int, sp.Expr]]:
     for product in dict.fromkeys(product for df in inside for product in df.products):
         yield from getattr(product, "knots", tuple)()
 
