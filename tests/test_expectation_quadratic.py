@@ -104,7 +104,10 @@ def test_two_arguments_are_the_integral(text, rho):
     assert along == pytest.approx(truth.moments, abs=1e-8 * truth.size + 3 * truth.error)
 
 
-@pytest.mark.parametrize("text", [*THREE[:2], "max(w, 0)*x/sqrt(x**2 + y**2 + 1)"])
+LOADED = "max(w, 0)*x/sqrt(x**2 + y**2 + 1)"
+
+
+@pytest.mark.parametrize("text", [THREE[0], *(pytest.param(text, marks=pytest.mark.slow) for text in (THREE[1], LOADED))])
 def test_three_arguments_are_the_integral(text):
     mean, S = moments(3, -0.6)
     truth = integrate(arguments_of(text), parse(text), {}, mean, factor(S), tolerance=1e-7, most=1_500_000)

@@ -187,7 +187,7 @@ def test_derivatives_in_machine_code_have_the_rates_of_single_terms(which):
         np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-12 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize("times", [[3.0], [0.01, 0.4, 1.0]])
+@pytest.mark.parametrize("times", [pytest.param([3.0], marks=pytest.mark.slow), [0.01, 0.4, 1.0]])
 def test_derivatives_of_a_stiff_run_in_machine_code_are_those_of_sundials(times, monkeypatch):
     compiled, given = compiled_model("stiff"), []
     carry = sensitivity.march_slopes
@@ -398,7 +398,7 @@ def test_derivatives_of_another_run_are_refused(monkeypatch):
         compiled.gradient(compiled.states[1], compiled.parameters[:1], method="forward")
 
 
-@pytest.mark.parametrize("method", ["forward", "adjoint"])
+@pytest.mark.parametrize("method", [pytest.param("forward", marks=pytest.mark.slow), "adjoint"])
 def test_derivatives_end_in_one_sentence_where_friction_brings_to_rest_without_noise(method):
     text = """
     name = "slide"
@@ -451,7 +451,9 @@ def test_unknown_names_are_refused():
             compiled.gradient(**arguments)
 
 
-@pytest.mark.parametrize("name", ["oleo_acceleration", "half_car", "steps", "van_der_pol"])
+@pytest.mark.parametrize(
+    "name", ["oleo_acceleration", pytest.param("half_car", marks=pytest.mark.slow), "steps", "van_der_pol"]
+)
 def test_machine_code_and_implicit_formulas_give_the_same_derivatives(name, monkeypatch):
     compiled = compiled_model(name)
     times, parameters = [0.3 * compiled.declaration.duration, compiled.declaration.duration], compiled.parameters[:3]

@@ -19,6 +19,7 @@ from cadet_sym.lowering.facts import Facts
 from cadet_sym.lowering.llvm import intermediate
 from cadet_sym.lowering.machine import MachineCode, available, machine_code
 from cadet_sym.lowering.operations import size
+from cadet_sym.lowering.scalars import is_casadis
 from cadet_sym.lowering.structured import structured_rate
 
 if TYPE_CHECKING:
@@ -128,9 +129,17 @@ class MomentFunctions:
         return self._machine[name]
 
     def machine_outputs(self, times: int) -> MachineCode | None:
-        """`outputs` as machine code, once that pays; to be evaluated so many times."""
+        """`outputs` as machine code, once that pays; to be evaluated so many times.
+
+        At once where that gives other last digits than CasADi: no result depends on what ran before.
+        """
         self._outputs_asked_for += times
-        return self.machine("outputs") if self._outputs_asked_for > PAYS else None
+        pays = self._outputs_asked_for > PAYS or (available() and not self._outputs_are_casadis)
+        return self.machine("outputs") if pays else None
+
+    @cached_property
+    def _outputs_are_casadis(self) -> bool:
+        return is_casadis(self.outputs)
 
     def _compiled(self, name: str) -> MachineCode | None:
         if name == "rate" and self.large:

@@ -15,7 +15,7 @@ from cadet_sym.lowering.instructions import ONE, SEVERAL, Module, arguments, lit
 from cadet_sym.lowering.operations import Blocks, Entry, Operation, cut, operations, reordered
 from cadet_sym.lowering.vectors import VECTORS, of_scalars
 
-__all__ = ["BLOCK", "scalars"]
+__all__ = ["BLOCK", "is_casadis", "scalars"]
 
 BLOCK = 1000
 """Operations of one block; the time to compile it grows faster than its length."""
@@ -49,6 +49,14 @@ def scalars(function: ca.Function, module: Module) -> list[str]:
         lines += [f"define internal void @self_{k}({given}) nounwind {{", *writer.block(block), "  ret void", "}"]
     calls = [f"  call void @self_{k}({given})" for k in range(len(blocks))]
     return [*lines, begin, *work, *calls, "  ret void", "}"]
+
+
+def is_casadis(function: ca.Function) -> bool:
+    """Whether machine code surely gives CasADi's numbers to the last bit: no sums over columns, nothing taken together."""
+    if function.find_functions():
+        return False
+    several = {getattr(ca, f"OP_{kind}") for kind in VECTORS}
+    return sum(function.instruction_id(k) in several for k in range(function.n_instructions())) < WORTH
 
 
 def _side_by_side(steps: list[Operation]) -> list[Operation]:
