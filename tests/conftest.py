@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -38,3 +40,9 @@ def shipped():
 def model_file(request) -> Path:
     """Every model file that ships."""
     return request.param
+
+
+def half(cases: Iterable[Any]) -> list[Any]:
+    """The cases, every other one of them left to the slow tests."""
+    several = ((case if isinstance(case, tuple) else (case,)) for case in cases)
+    return [pytest.param(*case, marks=[pytest.mark.slow] * (k % 2)) for k, case in enumerate(several)]

@@ -44,6 +44,7 @@ def test_the_double_well_has_five_solutions_below_its_fold_and_one_above(wells):
     assert [found.count(Q) for Q in (0.05, 0.3, 0.4)] == [(3, 2), (3, 2), (1, 0)]
 
 
+@pytest.mark.slow
 def test_points_of_a_branch_are_stationary_moments(wells):
     compiled, found = wells
     for branch in found:

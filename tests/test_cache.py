@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import ROOT
+from conftest import ROOT, half
 
 import cadet_sym as cs
 from cadet_sym import cache
@@ -96,7 +96,10 @@ def test_other_numbers_of_the_parameters_need_no_new_equations(path, place):
     assert run("moments", path, "--set", "k=9", "--json").stdout == changed.stdout
 
 
-@pytest.mark.parametrize("damage", [lambda text: text[: len(text) // 2], lambda text: b"", lambda text: b"foreign" + text])
+DAMAGES = [lambda text: text[: len(text) // 2], lambda text: b"", lambda text: b"foreign" + text]
+
+
+@pytest.mark.parametrize("damage", half(DAMAGES))
 def test_a_file_cut_off_or_foreign_is_made_again_without_a_complaint(damage, path, place):
     first = run("moments", path, "--json")
     whole = {file: file.read_bytes() for file in files(place)}

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import sympy as sp
-from conftest import ROOT
+from conftest import ROOT, half
 from gaussian_integrals import covariance, two
 from nested_integrals import function_of, truth
 from sympy.core.symbol import Str
@@ -76,7 +76,7 @@ def test_any_correlation_gives_the_integral(text):
             assert np.all(np.isfinite(np.asarray(gain)))
 
 
-@pytest.mark.parametrize("text", NEAR)
+@pytest.mark.parametrize("text", half(NEAR))
 def test_roots_beside_kinks_and_curves_are_integrated_at_any_correlation_with_finite_derivatives(text):
     points = (sp.Tuple(*(sp.Rational(str(v)) for v in column)) for column in CURVE)
     body = parse(text.replace("curve(x)", "curve")).subs(symbol("curve"), Lookup(X, *points, Str("extrapolate"), Str("linear")))
@@ -247,7 +247,7 @@ def test_a_kink_on_a_circle_is_followed_to_where_it_ends(text):
     assert float(compiled(text)([0, 0], [1, 0, 1], [])[0]) == pytest.approx(wanted, abs=1e-9)
 
 
-@pytest.mark.parametrize("text", ["clip(x*y**2, -1, 1)", "sign(y**3 - x)"])
+@pytest.mark.parametrize("text", half(["clip(x*y**2, -1, 1)", "sign(y**3 - x)"]))
 def test_what_is_measured_is_no_less_than_what_a_check_finds(text):
     df = describing_function((X, Y), parse(text))
     claimed = measured_error(df, {})

@@ -8,6 +8,7 @@ import time
 import casadi as ca
 import numpy as np
 import pytest
+from conftest import half
 from gaussian_integrals import covariance, two
 
 import cadet_sym as cs
@@ -63,7 +64,7 @@ def stacked(parts) -> np.ndarray:
     return np.concatenate([np.array(part).ravel() for part in parts])
 
 
-@pytest.mark.parametrize("text", TEXTS + KINKED)
+@pytest.mark.parametrize("text", half(TEXTS + KINKED))
 def test_it_is_the_integral_at_any_correlation(text):
     df = describe(text)
     function, f = element_function(df, ()), value(text)
@@ -77,7 +78,7 @@ def test_it_is_the_integral_at_any_correlation(text):
             assert float(function(mean, covariance(stds, rho), [])[0]) == pytest.approx(wanted, abs=1e-8 * size), (mean, rho)
 
 
-@pytest.mark.parametrize("text", TEXTS + KINKED)
+@pytest.mark.parametrize("text", half(TEXTS + KINKED))
 def test_gains_are_slopes_and_the_heat_equation_holds(text):
     function = element_function(describe(text), ())
     m, S = ca.SX.sym("m", 2), ca.SX.sym("S", 3)
@@ -96,7 +97,7 @@ def test_gains_are_slopes_and_the_heat_equation_holds(text):
     assert J[0, 2:] == pytest.approx([J[1, 0] / 2, J[1, 1], J[2, 1] / 2], abs=1e-8)
 
 
-@pytest.mark.parametrize("text", TEXTS + KINKED)
+@pytest.mark.parametrize("text", half(TEXTS + KINKED))
 def test_without_variance_it_is_the_function_and_derivatives_are_finite(text):
     function, f = element_function(describe(text), ()), value(text)
     m, S = ca.SX.sym("m", 2), ca.SX.sym("S", 3)

@@ -8,6 +8,7 @@ import subprocess
 
 import numpy as np
 import pytest
+from conftest import half
 from exported import build, sources
 
 import cadet_sym as cs
@@ -195,7 +196,7 @@ points = 3
 """
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", half(MODELS))
 def test_it_compiles_and_agrees(name, tmp_path):
     compiled = cs.compile(loads(MODELS[name]))
     folder = compiled.export_c(tmp_path / "c", prefix="hostile")

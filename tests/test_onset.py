@@ -116,6 +116,7 @@ def test_what_explicit_steps_leave_is_taken_up_where_they_ended(engine):
     np.testing.assert_allclose(found[1:], expected[1:], rtol=1e-5, atol=1e-14)
 
 
+@pytest.mark.slow
 def test_a_run_that_may_have_been_misled_is_run_again_and_a_difference_is_told(monkeypatch):
     monkeypatch.setattr(course, "onset", lambda *given: Onset(np.empty((0, 5)), given[3], given[4], 0, honest=False))
     compiled, times = cs.compile(oscillator(30.0)), times_of(30.0)

@@ -98,6 +98,7 @@ print(repr(simulate(model, 40, times=[1.0], step=0.1, check_step=False, threads=
 """
 
 
+@pytest.mark.slow
 def test_what_numba_left_on_disk_and_cannot_read_is_written_anew(tmp_path):
     """An index that names a module which is no more, or is cut off."""
 
