@@ -96,7 +96,7 @@ class Gradient:
         many = len(chosen) > MANY + len(times) and engine_for(self.functions, start, times) not in COMPILED
         if method == "adjoint" or (method == "auto" and many):
             try:
-                return self._adjoint(wanted, start, times, size, known, slope)[:, chosen]
+                return self._adjoint(wanted, start, times, size, slope)[:, chosen]
             except SolverError:
                 if method == "adjoint":
                     raise
@@ -110,17 +110,15 @@ class Gradient:
             rows.append(in_y[0] @ part + np.append(in_p[0, list(columns)], [0.0] * len(entries)))
         return np.array(rows)
 
-    def _adjoint(
-        self, wanted: ca.Function, start: Start, times: Array, size: Array, known: Array, slope: Array
-    ) -> Array:
+    def _adjoint(self, wanted: ca.Function, start: Start, times: Array, size: Array, slope: Array) -> Array:
         y = integrate(self.functions, start, times, rtol=1e-9).y
         moved, rows = self._moved(start), []
         begin, begun, slope_there = self._headed(start, times, size, slope)
-        for t, moments, there in zip(times, y, known, strict=True):
+        for t, moments in zip(times, y, strict=True):
             _, in_y, in_p = (np.asarray(each) for each in wanted(t, moments, start.p))
             if t > 0:
                 direct, at_begin, reached = adjoint(self.functions, begun, size, float(t), in_y[0], moved, begin)
-                _refuse_another_run(reached, there, size)
+                _refuse_another_run(reached, moments, size)
                 row = at_begin @ slope_there
                 row[: len(direct)] += direct
             else:

@@ -85,7 +85,7 @@ def march_slopes(
     ----------
     kind : of engine, "native" or "stiff".
     """
-    made = _ready(lowered, columns, lambda: _made(lowered, columns))
+    made = _compiled(lowered, columns)
     if not made.rate:
         return None
     if kind == "stiff":
@@ -108,10 +108,14 @@ class StiffSlopes(Stiff):
         return 1 + len(self.columns)
 
     def _rate(self) -> int:
-        return _ready(self.lowered, self.columns, lambda: _made(self.lowered, self.columns)).rate
+        return _compiled(self.lowered, self.columns).rate
 
 
 _ready: Memory[Made] = Memory()
+
+
+def _compiled(lowered: MomentFunctions, columns: tuple[int, ...]) -> Made:
+    return _ready(lowered, columns, lambda: _made(lowered, columns))
 
 
 def _made(lowered: MomentFunctions, columns: tuple[int, ...]) -> Made:
