@@ -20,9 +20,8 @@ from functools import reduce
 from typing import ClassVar
 
 from cadet_sym.expectation.algebra import Algebra, Number
+from cadet_sym.expectation.pairs import FAR, TINY, Pair, over, roots, times
 from cadet_sym.expectation.planar import Moments
-
-Pair = tuple[Number, Number]  # real and imaginary part
 
 REACH = 8.0  # standard deviations; 1e-14 of the density lies beyond
 NARROWEST = 1e-12  # standard deviations from the curve that the mean keeps
@@ -31,8 +30,6 @@ EACH, BY_A_POLE = 5.5, 1.8  # nodes for a unit of tau; the same where all that c
 STRAIGHT = 0.6  # of its slope, that a bend takes off it at most
 ALMOST = 1e-5  # of the distance to a pole, what the bend of the curve makes of it
 LOST = 1e-13  # relative distances that rounding leaves nothing of
-FAR = 1e60
-TINY = 1e-200
 LEAST = 3e-10  # of what a curve rises over a standard deviation, the least standard deviation across
 TWO_SIDED, STEEPEST = 40.0, 1e-12
 
@@ -90,7 +87,7 @@ class Parabola:
         A = a * at.s * at.s  # left w2 = A u^2 + B u + C along it, u = w1
         B = (2 * a * at.m + b) * at.s - at.lean
         C = (a * at.m + b) * at.m + c - at.mean
-        found = _roots((A, 0.0 * A), (B, -at.left + 0.0 * A), (C, 0.0 * A), xp)
+        found = roots((A, 0.0 * A), (B, -at.left + 0.0 * A), (C, 0.0 * A), xp)
         places, poles = [], []
         for number, (real, imaginary) in enumerate(found):
             u = xp.fmin(xp.fmax(real, -REACH), REACH)
@@ -141,7 +138,7 @@ class Hyperbola:
         over, m = at.m * at.mean - c, branch * at.m
         # p s left (w1 + i w2) = s (s (left - i lean) u^2 + (m (left - i lean) - i s m_q) u - i over)
         linear = at.m * at.left, -at.m * at.lean - at.s * at.mean
-        found = _roots((at.s * at.left, -at.s * at.lean), linear, (0.0 * c, -over), xp)
+        found = roots((at.s * at.left, -at.s * at.lean), linear, (0.0 * c, -over), xp)
         least, most, there = Hyperbola._extent(at, c, m, branch, xp)
         places, poles = [], []
         for number, (x, y) in enumerate(found):
@@ -219,7 +216,7 @@ class Circle:
         """The curve under a distribution."""
         c = xp.fmax(shape[0], TINY)
         radius, over = xp.sqrt(c), at.m * at.m + at.mean * at.mean - c
-        found = _roots(  # of p + i q, from the mean on
+        found = roots(  # of p + i q, from the mean on
             ((at.left + at.s) / 2, -at.lean / 2),
             (at.s * at.m + at.lean * at.mean, at.left * at.mean),
             (-over / 2 * (at.left - at.s), over / 2 * at.lean),
@@ -319,9 +316,9 @@ def _least(speed: Number, distance: Number, xp: Algebra) -> Number:
 
 def _step(w: Pair, slopes: Pair, bends: Pair, xp: Algebra) -> tuple[Pair, Number]:
     """From a point very near to the zero of w1 + i w2 to that; whether it is that near. The second derivatives are -`bends`."""
-    step = _over((-w[0], -w[1]), slopes, xp)
-    half = _times(step, _over((bends[0] / 2, bends[1] / 2), slopes, xp))
-    bent = _times(step, (1 + half[0], half[1]))
+    step = over((-w[0], -w[1]), slopes, xp)
+    half = times(step, over((bends[0] / 2, bends[1] / 2), slopes, xp))
+    bent = times(step, (1 + half[0], half[1]))
     return bent, xp.fabs(half[0]) + xp.fabs(half[1]) < ALMOST
 
 
@@ -385,33 +382,3 @@ def _within(A: Number, B: Number, C: Number, spread: Number, xp: Algebra) -> Pai
     ends = q / xp.where(xp.fabs(A) > TINY, A, TINY), C / xp.where(xp.fabs(q) > TINY, q, TINY)
     low, high = xp.fmin(*ends), xp.fmax(*ends)
     return low, xp.where(real >= 0, high, low - 1.0)
-
-
-def _times(a: Pair, b: Pair) -> Pair:
-    return a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]
-
-
-def _over(a: Pair, b: Pair, xp: Algebra) -> Pair:
-    """a/b, no larger than `FAR`, whatever overflows."""
-    largest = xp.fmax(xp.fabs(b[0]), xp.fabs(b[1])) + TINY
-    a, b = (a[0] / largest, a[1] / largest), (b[0] / largest, b[1] / largest)
-    square = xp.fmax(b[0] * b[0] + b[1] * b[1], 0.5)
-    real, imaginary = (x / square for x in _times(a, (b[0], -b[1])))
-    return xp.fmin(xp.fmax(real, -FAR), FAR), xp.fmin(xp.fmax(imaginary, -FAR), FAR)
-
-
-def _square_root(x: Number, y: Number, xp: Algebra) -> Pair:
-    """Of x + i y, its real part not negative."""
-    size = xp.sqrt((xp.sqrt(x * x + y * y) + xp.fabs(x)) / 2)
-    other = y / (2 * xp.fmax(size, TINY))
-    down = xp.where(y < 0, -size, size)
-    return xp.where(x >= 0, size, xp.fabs(other)), xp.where(x >= 0, other, down)
-
-
-def _roots(a: Pair, b: Pair, c: Pair, xp: Algebra) -> tuple[Pair, Pair]:
-    """Of a z^2 + b z + c, without cancellation; the one nearer to zero first."""
-    squared, constant = _times(b, b), _times(a, c)
-    root = _square_root(squared[0] - 4 * constant[0], squared[1] - 4 * constant[1], xp)
-    sign = xp.where(b[0] * root[0] + b[1] * root[1] >= 0, 1.0, -1.0)
-    q = -(b[0] + sign * root[0]) / 2, -(b[1] + sign * root[1]) / 2
-    return _over(c, q, xp), _over(q, a, xp)
