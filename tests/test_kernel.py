@@ -287,23 +287,28 @@ def test_where_too_many_steps_led_is_told_with_the_moments_there(shipped):
 # -- the implicit formulas ------------------------------------------------------------------------------------
 
 
-def multiplied(rows: Vector, A: Vector, B: Vector, out: Vector) -> None:
+def multiplied(shape: Vector, A: Vector, B: Vector, out: Vector) -> None:
     """What machine code has the library do."""
-    n = int(rows[0])
-    out[: n * n] = (A[: n * n].reshape(n, n) @ B[: n * n].reshape(n, n)).ravel()
+    n, rows, columns = (int(each) for each in shape[:3])
+    A = A[: rows * n].reshape(rows, n)
+    for i in range(rows):
+        for j in range(columns):
+            out[i * n + j] = A[i] @ B[j : j + (n - 1) * n + 1 : n]
 
 
 @pytest.mark.parametrize("n", [1, 3, 8, 70])
 def test_machine_code_multiplies_by_rows(n):
     rng, out, expected = np.random.default_rng(n), np.empty(n * n), np.empty(n * n)
-    A, B, rows = rng.normal(size=n * n), rng.normal(size=n * n), np.array([float(n)])
+    A, B = rng.normal(size=n * n), rng.normal(size=n * n)
     multiply = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)(multiplication(n))
-    multiply(rows.ctypes.data, A.ctypes.data, B.ctypes.data, out.ctypes.data)
-    multiplied(rows, A, B, expected)
-    np.testing.assert_allclose(out, expected, rtol=1e-12, atol=1e-13 * n)
+    for shape in (np.array([n, n, n], dtype=float), np.array([n, (n + 1) // 2, (n + 2) // 3], dtype=float)):
+        out[:] = expected[:] = 7.0
+        multiply(shape.ctypes.data, A.ctypes.data, B.ctypes.data, out.ctypes.data)
+        multiplied(shape, A, B, expected)
+        np.testing.assert_allclose(out, expected, rtol=1e-12, atol=1e-13 * n)
 
 
-@pytest.mark.parametrize("n", [1, 2, 5, 8, 13])
+@pytest.mark.parametrize("n", [1, 2, 5, 8, 13, 33])
 @pytest.mark.parametrize("g", [1e-3, 0.7])
 def test_the_inverse_in_loops_is_the_one_of_arrays(n, g):
     rng = np.random.default_rng(n)
@@ -312,7 +317,7 @@ def test_the_inverse_in_loops_is_the_one_of_arrays(n, g):
     expected, r = np.empty(packing.size), rng.normal(size=packing.size)
     Inverse.build(PackedIndex(packing), scale, form, g).apply(r, expected)
     given = modal_arrays(form, scale)
-    work, found = np.zeros(improved.MATRICES * n * n + 2 * n + 1), np.empty(packing.size)
+    work, found = np.zeros(improved.MATRICES * n * n + 2 * n + 3), np.empty(packing.size)
     improved.weigh(work, work[improved.MATRICES * n * n :], given.modes, n, g)
     improved.invert(multiplied, r, found, packing.size, n, given.matrices, given.modes, given.pairs, work)
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
@@ -349,7 +354,7 @@ def test_a_stiff_run_as_machine_code_is_the_one_of_python():
 
     form, state = stiff._form(0.0, y), np.zeros(backward.STATE)
     state[8], state[9] = 1.0, -1.0
-    work, found = np.zeros(1 + backward.VECTORS * 2 + improved.MATRICES + 2 + 150), np.zeros(4)
+    work, found = np.zeros(1 + backward.VECTORS * 2 + improved.MATRICES + 2 + 152), np.zeros(4)
     tolerance, inverse = (stiff.tolerance.size, 1e-5, 1e-2), (form.matrices, form.modes, form.pairs)
     status = backward.carry(
         rate, multiplied, grid, 2, y.copy(), 2, 1, np.zeros(1), *tolerance, 1.0, 1000, *inverse, work, found, state, 1

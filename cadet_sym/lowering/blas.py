@@ -19,15 +19,16 @@ FEW = 10
 """Rows up to which loops are the fastest."""
 
 
-def by_rows(rows: Vector, A: Vector, B: Vector, out: Vector) -> int:
-    """Set out = A B, n x n by rows."""
-    n = int(rows[0])
-    for i in range(n):
-        for j in range(n):
+def by_rows(shape: Vector, A: Vector, B: Vector, out: Vector) -> int:
+    """Set the first rows and columns of out = A B, n x n by rows; shape = (n, rows, columns)."""
+    n = int(shape[0])
+    columns = int(shape[2])
+    for i in range(int(shape[1])):
+        for j in range(columns):
             out[i * n + j] = 0.0
         for k in range(n):
             weight = A[i * n + k]
-            for j in range(n):
+            for j in range(columns):
                 out[i * n + j] += weight * B[k * n + j]
     return 0
 
@@ -38,20 +39,22 @@ declare void @blas_dgemm(ptr, ptr, ptr, ptr, ptr, ptr, ptr, ptr, ptr, ptr, ptr, 
 @as_it_is = internal constant i8 78
 @one = internal constant double 1.0
 @nothing = internal constant double 0.0
-define void @multiply(ptr %rows, ptr %A, ptr %B, ptr %out) nounwind {
-  %n = alloca i32
-  %given = load double, ptr %rows
-  %whole = fptosi double %given to i32
-  store i32 %whole, ptr %n
-  call void @blas_dgemm(ptr @as_it_is, ptr @as_it_is, ptr %n, ptr %n, ptr %n, ptr @one, ptr %B, ptr %n, ptr %A, ptr %n,
-                        ptr @nothing, ptr %out, ptr %n)
+define void @multiply(ptr %shape, ptr %A, ptr %B, ptr %out) nounwind {
+  %whole = alloca <3 x i32>
+  %given = load <3 x double>, ptr %shape, align 8
+  %counts = fptosi <3 x double> %given to <3 x i32>
+  store <3 x i32> %counts, ptr %whole
+  %rows = getelementptr i32, ptr %whole, i64 1
+  %columns = getelementptr i32, ptr %whole, i64 2
+  call void @blas_dgemm(ptr @as_it_is, ptr @as_it_is, ptr %columns, ptr %rows, ptr %whole, ptr @one, ptr %B, ptr %whole,
+                        ptr %A, ptr %whole, ptr @nothing, ptr %out, ptr %whole)
   ret void
 }
 """
 
 
 def multiplication(n: int) -> int:
-    """Address of a function of (n, A, B, out) that sets out = A B, n x n by rows."""
+    """Address of a function of (shape, A, B, out) that sets rows and columns of out = A B, n x n by rows (see `by_rows`)."""
     code, name = (_loops(), "by_rows") if n <= FEW else (_library(), "multiply")
     return code.addresses[name]
 

@@ -12,14 +12,14 @@ from __future__ import annotations
 
 from cadet_sym.lowering.kernel import Function, Vector, isfinite, part, sqrt
 from cadet_sym.solve.breakdown import STALLED, TOO_MANY
-from cadet_sym.solve.improved import MATRICES, PAIRS, improve, invert, learn, weigh
+from cadet_sym.solve.improved import MATRICES, PAIRS, apply, improve, invert, learn, upper, weigh
 
 __all__ = ["MATRICES", "PROCEDURES", "REFRESH", "STATE", "VECTORS", "carry"]
 
 HIGHEST = 5  # order
 ROWS = HIGHEST + 3  # of backward differences
 VECTORS = ROWS + 7 + 2 * PAIRS  # of working space, as long as y
-STATE = 14
+STATE = 15
 """Numbers that last from call to call: time, step, order, equal steps, then as `carry` says."""
 
 REFRESH = 9
@@ -37,6 +37,49 @@ CONVERGED = 0.05
 
 STALE = 0.3
 """Where an iteration leaves more than this of what is wrong, the form of another place does not serve any longer."""
+
+
+NEAR = 256
+"""Entries of all differences that are worked on at once: as many as the nearest part of the processor's cache holds."""
+
+
+def predict(differences: Vector, order: int, alpha: float, size: int, value: Vector, known: Vector) -> int:
+    """Where the differences lead at the end of a step, and what the formula takes of them."""
+    begin = 0
+    while begin < size:
+        end = min(begin + NEAR, size)
+        for i in range(begin, end):
+            value[i] = differences[i]
+            known[i] = 0.0
+        for k in range(1, order + 1):
+            row = part(differences, k * size)
+            weight = GAMMA[k] / alpha
+            for i in range(begin, end):
+                value[i] += row[i]
+                known[i] += weight * row[i]
+        begin = end
+    return 0
+
+
+def advance(differences: Vector, order: int, size: int, change: Vector) -> int:
+    """The differences at the end of a step that was changed so from where they led; `change` is used up."""
+    last = part(differences, (order + 1) * size)
+    ahead = part(differences, (order + 2) * size)
+    begin = 0
+    while begin < size:
+        end = min(begin + NEAR, size)
+        for i in range(begin, end):
+            ahead[i] = change[i] - last[i]
+            last[i] = change[i]
+        k = order
+        while k >= 0:
+            row = part(differences, k * size)
+            for i in range(begin, end):
+                change[i] += row[i]
+                row[i] = change[i]
+            k -= 1
+        begin = end
+    return 0
 
 
 def rescale(differences: Vector, order: int, factor: float, size: int, small: Vector, room: Vector) -> int:
@@ -112,10 +155,10 @@ def carry(
     latest : the last time at which the inputs are those of this stretch.
     form, modes, pairs : the modal form of N (see `weigh` and `invert`), and 1 if any of the modes is one of a pair.
     multiply : see `invert`.
-    work : (1 + VECTORS size + MATRICES n^2 + 2 n + 150,). found : (points, size), one after the other.
+    work : (1 + VECTORS size + MATRICES n^2 + 2 n + 152,). found : (points, size), one after the other.
     state : (STATE,) time, step, order, equal steps, steps, steps refused, rates, points found, whether the form is of here,
         the g of the weights, how fast Newton's method converged, whether it has begun, updates of the inverse,
-        whether gains react strongly.
+        whether gains react strongly, whether it was seen with these weights how fast Newton's method converges.
 
     Returns
     -------
@@ -131,7 +174,7 @@ def carry(
     earlier = part(allowed, size)
     updates = part(earlier, size)
     room = part(updates, 2 * PAIRS * size)
-    along_room = MATRICES * n * n + 2 * n + 1
+    along_room = MATRICES * n * n + 2 * n + 3
     small = part(room, along_room)
     last = grid[points - 1]
     t = state[0]
@@ -171,22 +214,16 @@ def carry(
         ends = t + 1.0001 * h >= last
         after = last if ends else t + h
         alpha = (1.0 - KAPPA[order]) * GAMMA[order]
+        predict(differences, order, alpha, size, value, known)
         for i in range(size):
-            value[i] = differences[i]
-            known[i] = 0.0
             change[i] = 0.0
-        for k in range(1, order + 1):
-            row = part(differences, k * size)
-            weight = GAMMA[k] / alpha
-            for i in range(size):
-                value[i] += row[i]
-                known[i] += weight * row[i]
-        for i in range(size):
             allowed[i] = 1.0 / (relative * (abs(value[i]) + absolute * sizes[i]))
         g = h / alpha
         least = 1
         if g != state[9]:
-            least = 2  # or what an outdated form calls small would pass for converged
+            if state[14] == 0.0:
+                least = 2  # or what an outdated form calls small would pass for converged; of two step lengths one tells
+            state[14] = 0.0
             weigh(room, part(room, MATRICES * n * n), modes, n, g)
             state[10] = min(1.0, state[10] * max(1.0, g / state[9])) if state[9] > 0.0 else 1.0
             state[9] = g
@@ -213,6 +250,7 @@ def carry(
                 if length > 2.0 * before:
                     break
                 state[10] = max(0.3 * state[10], length / before)
+                state[14] = 1.0
                 if length > STALE * before and before > NOISE:
                     if state[8] == 0.0 and (k > 1 or state[12] == 0.0):
                         break
@@ -259,14 +297,7 @@ def carry(
         state[3] += 1.0
         state[8] = 0.0
         t = after
-        for i in range(size):
-            differences[(order + 2) * size + i] = change[i] - differences[(order + 1) * size + i]
-            differences[(order + 1) * size + i] = change[i]
-        k = order
-        while k >= 0:
-            for i in range(size):
-                differences[k * size + i] += differences[(k + 1) * size + i]
-            k -= 1
+        advance(differences, order, size, change)
         point = int(state[7])
         while point < points and grid[point] <= t:
             row = part(found, point * size)
@@ -312,5 +343,5 @@ def carry(
     return TOO_MANY
 
 
-PROCEDURES = (weigh, invert, rescale, share, improve, learn, carry)
+PROCEDURES = (weigh, apply, upper, invert, predict, advance, rescale, share, improve, learn, carry)
 """What is compiled together."""

@@ -7,13 +7,16 @@ from __future__ import annotations
 
 from cadet_sym.lowering.kernel import Function, Vector, part
 
-__all__ = ["MATRICES", "PAIRS", "improve", "invert", "learn", "weigh"]
+__all__ = ["MATRICES", "PAIRS", "apply", "improve", "invert", "learn", "upper", "weigh"]
 
 PAIRS = 6
 """Updates at most."""
 
 MATRICES = 7
 """Matrices of working space, n x n."""
+
+HALVED = 32
+"""Rows from which on a quarter of a symmetric product is worth a call more."""
 
 UNLIKE = 0.1
 """Least share of a move by which the next must differ from it for an update."""
@@ -46,14 +49,38 @@ def weigh(weights: Vector, along: Vector, modes: Vector, n: int, g: float) -> in
     return 0
 
 
+def apply(turned: Vector, x: Vector, out: Vector, n: int) -> int:
+    """Set out = A x, from the transpose of A: no sum waits for the one before it."""
+    for i in range(n):
+        out[i] = 0.0
+    for j in range(n):
+        row = part(turned, j * n)
+        weight = x[j]
+        for i in range(n):
+            out[i] += row[i] * weight
+    return 0
+
+
+def upper(multiply: Function, A: Vector, B: Vector, out: Vector, n: int, shape: Vector) -> int:
+    """Set out = A B, which is symmetric: all but the last rows of the first columns; returns how many columns these are."""
+    half = n // 2 if n >= HALVED else 0
+    if half > 0:
+        shape[1] = float(half)
+        multiply(shape, A, B, out)
+    shape[1] = float(n - half)
+    shape[2] = float(n - half)
+    multiply(shape, part(A, half * n), part(B, half), part(out, half * n + half))
+    return half
+
+
 def invert(
     multiply: Function, r: Vector, z: Vector, size: int, n: int, form: Vector, modes: Vector, pairs: int, work: Vector
 ) -> int:
     """Set z = (I - g L)^-1 r for packed moments; what is integrated alongside passes as it is.
 
-    multiply : writes the product of two matrices, of as many rows as it is told first.
+    multiply : writes rows and columns of the product of two matrices: (n, rows, columns) is what it is told first.
     form : (4 n^2,) W^-1, its transpose, W and its transpose, in units of the states.
-    work : (MATRICES n^2 + 2 n + 1,) the weights, and room for three matrices and n.
+    work : (MATRICES n^2 + 2 n + 3,) the weights, and room for three matrices and what `multiply` is told.
     """
     square = n * n
     left = form
@@ -65,29 +92,26 @@ def invert(
     half = part(work, 5 * square)
     inner = part(work, 6 * square)
     along = part(work, 7 * square)
-    rows = part(along, 2 * n)
-    rows[0] = float(n)
+    shape = part(along, 2 * n)
+    shape[0] = float(n)
+    shape[1] = float(n)
+    shape[2] = float(n)
     partner = part(modes, 3 * n)
-    for i in range(n):
-        total = 0.0
-        for j in range(n):
-            total += left[i * n + j] * r[j]
-        half[i] = total
+    apply(left_turned, r, half, n)
     for i in range(n):
         inner[i] = along[i] * half[i] + along[n + i] * half[int(partner[i])]
-    for i in range(n):
-        total = 0.0
-        for j in range(n):
-            total += right[i * n + j] * inner[j]
-        z[i] = total
+    apply(right_turned, inner, z, n)
     k = n
     for j in range(n):
         for i in range(j, n):
             full[j * n + i] = r[k]
             full[i * n + j] = r[k]
             k += 1
-    multiply(rows, left, full, half)
-    multiply(rows, half, left_turned, inner)
+    multiply(shape, left, full, half)
+    first = upper(multiply, half, left_turned, inner, n, shape)
+    for i in range(first, n):
+        for j in range(first):
+            inner[i * n + j] = inner[j * n + i]
     for i in range(square):
         full[i] = weights[i] * inner[i]
     if pairs == 1:
@@ -101,12 +125,15 @@ def invert(
             for j in range(n):
                 across = int(partner[j])
                 row[j] += one[j] * turned[j] + two[j] * inner[i * n + across] + three[j] * turned[across]
-    multiply(rows, right, full, half)
-    multiply(rows, half, right_turned, inner)
+    shape[1] = float(n)
+    shape[2] = float(n)
+    multiply(shape, right, full, half)
+    upper(multiply, half, right_turned, inner, n, shape)
     k = n
     for j in range(n):
+        row = part(inner, j * n)  # which is the column, and stands in one piece
         for i in range(j, n):
-            z[k] = inner[i * n + j]
+            z[k] = row[i]
             k += 1
     for i in range(k, size):
         z[i] = r[i]
