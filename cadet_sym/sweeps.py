@@ -242,6 +242,8 @@ def _results(task: _Task, points: Array, executor: Any, workers: int | None) -> 
             done, pace = done + len(found), (perf_counter() - before) / len(found)
             if run is None:  # with the first, all is there that threads are to share
                 run = next((runs.found[k] for runs, k in (place for _, place in found if not isinstance(place, str))), None)
+                if isinstance(run, Trajectory):  # of what was done for it alone, the others need nothing
+                    pace = min(pace, run.statistics["seconds"])
                 threads = _threads(task.compiled, run, workers)
             elsewhere = workers is None and perf_counter() - began > TRIAL and pace * (count - done) > START_UP
             if threads == 1 and (elsewhere or workers not in (None, 1)):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 import sympy as sp
@@ -13,6 +14,8 @@ from scipy.linalg import expm
 import cadet_sym as cs
 from cadet_sym.errors import ModelError, SolverError
 from cadet_sym.packing import Packing
+from cadet_sym.solve import choice, stiff
+from cadet_sym.solve.evaluate import _roomy, results, results_over, results_shared
 from cadet_sym.solve.implicit import Inverse, PackedIndex, scaled_form
 from cadet_sym.solve.lyapunov import modal_form
 
@@ -247,3 +250,43 @@ def test_what_swings_for_long_is_followed_by_formulas_of_high_order(stiffness):
     ahead = expm(20 * np.array([[0, 1], [-stiffness, -1e-3]]))
     expected = stationary - ahead @ stationary @ ahead.T
     np.testing.assert_allclose(np.diag(history.state_covariance[-1]), np.diag(expected), rtol=1e-6)
+
+
+@pytest.mark.parametrize("k", [1, 2, 5, 7, 9, 13, 100])
+def test_many_places_give_the_numbers_of_each(k):
+    """Functions of many places are made for few numbers of them: what is over goes nowhere."""
+    x, y = ca.SX.sym("x", 2), ca.SX.sym("y")
+    function = ca.Function("f", [x, y], [ca.sin(x) * y, ca.vertcat(x[1], 0, y)])
+    rng = np.random.default_rng(k)
+    a, b = rng.normal(size=(k, 2)), rng.normal(size=(k, 1))
+    alone = [results(function, *each) for each in zip(a, b, strict=True)]
+    for found, expected in zip(results_over(function, a, b), zip(*alone, strict=True), strict=True):
+        np.testing.assert_array_equal(found, expected)
+    few = {_roomy(each) for each in range(1, 1001)}
+    assert len(few) < 40
+    assert all(each <= _roomy(each) <= 1.25 * each for each in range(1, 1001))
+    shared = results_over(function, a, np.repeat(b[:1], k, axis=0))
+    for found, expected in zip(results_shared(function, k, a, b[0]), shared, strict=True):
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_the_bound_of_modes_is_one():
+    """Also of matrices that are zero or nilpotent; and it is none of their norms."""
+    rng, shape = np.random.default_rng(3), (200, 2, 6, 6)
+    matrices = rng.normal(size=shape) * (rng.uniform(size=shape) < 0.4) * 10.0 ** rng.integers(-9, 9, (200, 1, 6, 1))
+    matrices[0], matrices[1] = 0.0, np.triu(np.ones((6, 6)), 1)
+    largest = np.abs(np.linalg.eigvals(matrices)).max(axis=(1, 2))
+    assert (choice._bounds(matrices) >= largest * (1 - 1e-12)).all()
+    swings = np.array([[0.0, 1.0], [-1e8, -10.0]])[None, None]
+    assert choice._bounds(swings)[0] < 1.2e4
+
+
+def test_runs_that_begin_alike_are_given_their_first_modal_form(monkeypatch):
+    model = toml('name = "stiff"\n[rates]\nx = "-1e6*x - x**3 + w"\n[noise]\nw = 1.0\n[run]\nduration = 20.0')
+    compiled, made = cs.compile(model), []
+    monkeypatch.setattr(stiff, "scaled_form", lambda *given: made.append(1) or scaled_form(*given))
+    first = compiled.propagate(points=3)
+    forms = len(made)
+    second = compiled.propagate(points=5)
+    assert len(made) == forms > 0
+    np.testing.assert_allclose(first.variance["x"][-1], second.variance["x"][-1], rtol=1e-6)

@@ -83,7 +83,7 @@ def _implicit_or_casadis(lowered: MomentFunctions, start: Start, grid: Array, fo
     fastest = np.abs(found).max(initial=0.0)
     if np.isfinite(fastest) and compiles(lowered, start, "stiff"):
         return "stiff"
-    few = len(edges(start, grid)) - 1 <= FEW
+    few = len(edges(start.breakpoints, grid)) - 1 <= FEW
     if few and packing.size <= (SMALL_DELAYED if delayed else SMALL):
         return "direct"
     if not np.isfinite(fastest):
@@ -101,13 +101,14 @@ def compiles(lowered: MomentFunctions, start: Start, engine: str) -> bool:
     return bdf_compiles(lowered)
 
 
-def modes(lowered: MomentFunctions, p: Array, duration: float, along: Array) -> Modes:
+def modes(lowered: MomentFunctions, p: Array, duration: float, along: Array, enough: float = 0.0) -> Modes:
     """Eigenvalues of the covariance's rate over a run's length, from N at even times with the moments `along`; or NaN.
 
     Parameters
     ----------
     p : (k, count) parameters of k runs.
     along : (m, size) packed moments that are known roughly.
+    enough : what is surely slower than this need not be known: a bound stands for it.
 
     Returns
     -------
@@ -116,9 +117,24 @@ def modes(lowered: MomentFunctions, p: Array, duration: float, along: Array) -> 
     runs, m = len(p), len(along)
     times = duration * np.arange(m) / max(m - 1, 1)
     N = gains_over(lowered, np.tile(times, runs), np.tile(along, (runs, 1)), np.repeat(p, m, axis=0)).reshape(runs, m, -1)
-    known = np.asarray(np.isfinite(N).all(axis=(1, 2)))
     if (N[:, :1] == N).all():  # as that of a linear model
         N = N[:, :1]
-    matrices = np.where(known[:, None, None], N, 0.0).reshape(runs * N.shape[1], lowered.facts.packing.n, -1)
-    found = (2 * duration * np.linalg.eigvals(matrices)).reshape(runs, -1)
-    return np.where(known[:, None], found, complex(np.nan))
+    found = np.full((runs, N.shape[1] * lowered.facts.packing.n), complex(np.nan))
+    matrices = 2 * duration * N.reshape(*N.shape[:2], lowered.facts.packing.n, -1)
+    rest = np.flatnonzero(np.isfinite(N).all(axis=(1, 2)))
+    if runs > 1 and enough:  # of one run nothing is cheaper than its modes
+        bounds = _bounds(matrices[rest])
+        found[rest] = bounds[:, None]
+        rest = rest[bounds > enough]
+    found[rest] = np.linalg.eigvals(matrices[rest]).reshape(-1, found.shape[1])
+    return found
+
+
+def _bounds(matrices: Array) -> Array:
+    """Bounds (k,) of the eigenvalues of matrices (k, m, n, n): max_i (|M| x)_i / x_i for any x > 0 (Collatz, Wielandt)."""
+    M, x = np.abs(matrices), np.ones((*matrices.shape[:-1], 1))
+    for _ in range(4):  # x comes near Perron's vector, for which there is no lower bound
+        ahead = M @ x
+        least = 1e-9 * ahead.max(axis=-2, keepdims=True, initial=0.0)
+        x = np.sqrt(x * (ahead + np.where(least > 0, least, 1.0)))
+    return np.asarray((M @ x / x).max(axis=(1, 2, 3)))

@@ -7,7 +7,7 @@ restarted there, for no integrator sees an input that is shorter than its step.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from threading import RLock
@@ -96,9 +96,9 @@ class Engine(Protocol):
         ...
 
 
-def edges(start: Start, grid: Array) -> list[float]:
+def edges(breakpoints: Iterable[float], grid: Array) -> tuple[float, ...]:
     """Where the run begins, its known breakpoints, and where it ends."""
-    return [0.0, *sorted(b for b in set(start.breakpoints) if 0.0 < b < grid[-1]), float(grid[-1])]
+    return 0.0, *sorted(b for b in set(breakpoints) if 0.0 < b < grid[-1]), float(grid[-1])
 
 
 def march(
@@ -120,7 +120,7 @@ def march(
     names = {engine.name: 0}  # in the order of their appearance, and their steps
     if grid[0] == 0:
         found[0], known = start.y, 1
-    for begin, end in itertools.pairwise(edges(start, grid)):
+    for begin, end in itertools.pairwise(edges(start.breakpoints, grid)):
         if end <= begin:
             continue
         last = int(grid.searchsorted(end, side="right"))

@@ -59,13 +59,22 @@ def results(function: ca.Function, *arguments: Array) -> list[Array]:
 def results_over(function: ca.Function, *arguments: Array) -> list[Array]:
     """The same at many places: arguments (k, size), results (k, size)."""
     k = len(arguments[0])
-    mapped = _mapped(function, k, ())
-    return [result.reshape(k, -1) for result in results(mapped, *map(np.ascontiguousarray, arguments))]
+    many = _roomy(k)
+    if many > k:  # once more at the last place, to no end
+        arguments = tuple(np.concatenate([each, each[-1:].repeat(many - k, axis=0)]) for each in arguments)
+    found = results(_mapped(function, many), *map(np.ascontiguousarray, arguments))
+    return [result.reshape(many, -1)[:k] for result in found]
 
 
 def results_shared(function: ca.Function, k: int, *arguments: Array) -> list[Array]:
     """The same at k places, which share the last argument."""
-    return [result.reshape(k, -1) for result in results(_mapped(function, k, (len(arguments) - 1,)), *arguments)]
+    return results_over(function, *arguments[:-1], arguments[-1][None].repeat(k, axis=0))
+
+
+def _roomy(k: int) -> int:
+    """A number of places that is not less, at most a quarter more, and one of few: for each a function is made."""
+    step = 1 << max(k.bit_length() - 3, 0)
+    return -(-k // step) * step
 
 
 def depends_on(*dependences: ca.Sparsity) -> Places:
@@ -81,9 +90,9 @@ def _shapes(function: ca.Function) -> list[tuple[int, Places | None]]:
 
 
 @lru_cache(maxsize=64)
-def _mapped(function: ca.Function, k: int, shared: tuple[int, ...]) -> ca.Function:
-    """The function at k places, with the same of some arguments at all of them."""
-    return function.map("over", "serial", k, list(shared), [])
+def _mapped(function: ca.Function, k: int) -> ca.Function:
+    """The function at k places."""
+    return function if k == 1 else function.map(k)
 
 
 class Rate:

@@ -90,7 +90,7 @@ def march_all(
     lowered: MomentFunctions,
     p: Array,
     y: Array,
-    edges: Sequence[Sequence[float]],
+    edges: Sequence[tuple[float, ...]],
     grid: Array,
     tolerance: Tolerance,
     team: Team = ALONE,
@@ -114,16 +114,17 @@ def march_all(
 
 
 def march_made(
-    made: Made, p: Array, y: Array, edges: Sequence[Sequence[float]], grid: Array, tolerance: Tolerance, team: Team = ALONE
+    made: Made, p: Array, y: Array, edges: Sequence[tuple[float, ...]], grid: Array, tolerance: Tolerance, team: Team = ALONE
 ) -> Marched:
     """The same under a rate that was made ready."""
     assert made.rate, "chosen only where there is machine code"
     (runs, whole), k = y.shape, len(grid)
     p, here, grid = np.ascontiguousarray(p), y.copy(), np.ascontiguousarray(grid, dtype=float)
     size, found, reports = np.ascontiguousarray(tolerance.size), np.empty((runs, k, whole)), np.zeros((runs, REPORT))
+    ways = {times: np.array(list(_travel(times))) for times in set(edges)}
 
     def some(part: slice) -> None:
-        travel = np.array([number for times in edges[part] for number in _travel(times)])
+        travel = np.concatenate([ways[times] for times in edges[part]])
         work = _zeros((WORK + 1) * made.n + HEAD + p.shape[1] + whole)
         _march_all(made.lanes)(
             made.rate, part.stop - part.start, address(grid), k, address(here[part]), whole, made.places, made.entries, made.n,
@@ -137,7 +138,7 @@ def march_made(
     return Marched(found, time, here, steps, known, status)
 
 
-def _travel(edges: Sequence[float]) -> Iterator[float]:
+def _travel(edges: tuple[float, ...]) -> Iterator[float]:
     """The stretches of a run as the integrator takes them."""
     yield len(edges) - 1
     for begin, end in pairwise(edges):

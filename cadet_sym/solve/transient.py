@@ -20,7 +20,7 @@ from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.memory import Memory
 from cadet_sym.packing import Packing
 from cadet_sym.solve.breakdown import Breakdown
-from cadet_sym.solve.choice import choose, compiles, modes, rings
+from cadet_sym.solve.choice import QUICK, choose, compiles, modes, rings
 from cadet_sym.solve.course import ENGINES, March, Start, Trajectory, edges, march
 from cadet_sym.solve.definite import lost, warn_of_loss
 from cadet_sym.solve.native import march_all, method
@@ -101,21 +101,22 @@ def integrate_all(
             "`engine` out."
         )
     began = time.perf_counter()
-    plans, courses = _plans(lowered, starts, grid, engine, declared), [edges(start, grid) for start in starts]
+    plans = _plans(lowered, starts, grid, engine, declared)
+    ways = {known: edges(known, grid) for known in {each.breakpoints for each in starts}}
+    courses = [ways[each.breakpoints] for each in starts]
     y, marches = _together(lowered, starts, courses, grid, plans, rtol, team)
+    doubted = [k for k, run in enumerate(marches) if run is None or not run.sound]
 
-    def rest(part: slice) -> list[March | SolverError | ArithmeticError]:
-        runs = zip(starts[part], plans[part], y[part], marches[part], strict=True)
-        return [
-            known if known is not None and known.sound else _settled(lowered, start, grid, plan, rtol, known, own)
-            for start, plan, own, known in runs
-        ]
+    def settle(part: slice) -> list[March | SolverError | ArithmeticError]:
+        return [_settled(lowered, starts[k], grid, plans[k], rtol, marches[k], y[k]) for k in doubted[part]]
 
-    found = [run for part in team.share(len(starts), rest) for run in part]
+    settled = dict(zip(doubted, (run for part in team.share(len(doubted), settle) for run in part), strict=True))
+    found = [settled.get(k, run) for k, run in enumerate(marches)]
     seconds = (time.perf_counter() - began) / max(len(starts), 1)
     return y, [
         _trajectory(grid, own, run, course, rtol, seconds) if isinstance(run, March) else run
         for own, run, course in zip(y, found, courses, strict=True)
+        if run is not None
     ]
 
 
@@ -133,7 +134,7 @@ def _settled(
     return run
 
 
-def _trajectory(grid: Array, y: Array, run: March, course: Sequence[float], rtol: float, seconds: float) -> Trajectory:
+def _trajectory(grid: Array, y: Array, run: March, course: tuple[float, ...], rtol: float, seconds: float) -> Trajectory:
     statistics = {"steps": float(run.steps), "stretches": len(course) - 1.0, "seconds": seconds}
     return Trajectory(grid, y, run.engine, rtol, statistics)
 
@@ -141,7 +142,7 @@ def _trajectory(grid: Array, y: Array, run: March, course: Sequence[float], rtol
 def _together(
     lowered: MomentFunctions,
     starts: Sequence[Start],
-    courses: Sequence[Sequence[float]],
+    courses: Sequence[tuple[float, ...]],
     grid: Array,
     plans: Sequence[_Plan],
     rtol: float,
@@ -260,7 +261,7 @@ def _plans(
     def make(these: Sequence[Start]) -> list[_Plan]:
         known, kinds, steps = outline(lowered, these[0], end, declared), [engine] * len(these), [STEPS] * len(these)
         if engine == "auto":
-            found = modes(lowered, np.array([each.p for each in these]), end, known.along)
+            found = modes(lowered, np.array([each.p for each in these]), end, known.along, QUICK)
             kinds = choose(lowered, these, grid, found)
             steps = [most_steps(len(these[0].y)) if each else STEPS for each in rings(lowered, found).tolist()]
         growth = known.growth(lowered.facts.packing)
