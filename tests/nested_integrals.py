@@ -28,10 +28,15 @@ BISECTIONS = 52
 NODES = 24
 BATCH = 20_000
 
+
+def _erf(z: np.ndarray) -> np.ndarray:
+    return erf(np.asarray(z, float))
+
+
 WORDS: dict[str, Any] = {
     "abs": np.abs, "sign": np.sign, "sqrt": np.sqrt, "exp": np.exp, "log": np.log, "sin": np.sin, "cos": np.cos, "tan": np.tan,
     "asin": np.arcsin, "acos": np.arccos, "atan": np.arctan, "atan2": np.arctan2, "sinh": np.sinh, "cosh": np.cosh,
-    "tanh": np.tanh, "erf": erf, "min": lambda *z: reduce(np.minimum, z), "max": lambda *z: reduce(np.maximum, z), "pi": np.pi,
+    "tanh": np.tanh, "erf": _erf, "min": lambda *z: reduce(np.minimum, z), "max": lambda *z: reduce(np.maximum, z), "pi": np.pi,
     "clip": lambda z, low, high: np.minimum(np.maximum(z, low), high), "heaviside": lambda z: (1 + np.sign(z)) / 2,
     "where": np.where,
 }  # fmt: skip
@@ -94,7 +99,7 @@ def function_of(
         def function(*z: np.ndarray) -> np.ndarray:
             with np.errstate(all="ignore"):
                 value = eval(code, {"__builtins__": {}, **words, **dict(zip(names, z, strict=True))})
-            return np.broadcast_to(np.asarray(value, float), np.broadcast(*z).shape)
+            return np.broadcast_to(np.asarray(value, np.result_type(float, *z)), np.broadcast(*z).shape)
 
         return function
 

@@ -360,3 +360,26 @@ def test_an_exponential_that_overflows_beside_its_stretch_leaves_derivatives_num
     assert all(np.all(np.isfinite(np.array(x))) for x in found)
     grows = element_function(describing_function((Z,), parse("exp(-1.5*z)")), ())
     assert float(grows(0.0, 900.0, [])[0]) == np.inf
+
+
+@pytest.mark.parametrize(
+    "text", ["abs(z - 0.5)**1.5*sign(z - 0.5)*tanh(6.5*z - 1.5)", "abs(z)**0.3*tanh(z - 0.3)", "sqrt(abs(z))*atan(4*z - 1)"]
+)
+def test_the_heat_equation_holds_far_from_a_root_beside_a_steep_place(text):
+    m, p = ca.SX.sym("m"), ca.SX.sym("p")
+    F, gain = element_function(describing_function((Z,), parse(text)), ())(m, p, [])
+    slopes = ca.Function("slopes", [m, p], [F, ca.jacobian(gain, m) / 2, ca.jacobian(F, p)])
+    for mean, s in ((4.1, 10.0), (-0.3, 2.0), (-300.0, 100.0)):
+        value, half, slope = (float(x) for x in slopes(mean, s * s))
+        assert half == pytest.approx(slope, abs=1e-8 * abs(value) / s**2)
+
+
+def test_a_gain_is_differentiated_in_the_exponent_of_a_root():
+    q = symbol("q")
+    df = describing_function((Z,), parse("abs(2*z + 1)**q*sign(2*z + 1)"), values={q: 0.7})
+    m, p, c = ca.SX.sym("m"), ca.SX.sym("p"), ca.SX.sym("c")
+    both = ca.vertcat(*element_function(df, (q,))(m, p, c))
+    slope, function = ca.Function("slope", [m, p, c], [ca.jacobian(both, c)]), ca.Function("both", [m, p, c], [both])
+    for mean in (0.3, -0.5, 20.0):
+        difference = (np.array(function(mean, 0.25, 0.7 + 1e-5)) - np.array(function(mean, 0.25, 0.7 - 1e-5))) / 2e-5
+        assert np.array(slope(mean, 0.25, 0.7)) == pytest.approx(difference, rel=1e-6, abs=1e-8)

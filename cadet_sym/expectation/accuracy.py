@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -27,7 +27,7 @@ SINGULAR = (
     Rule(straight=40),
     Rule(straight=80, graded=40),
 )
-SINGULAR_POLES = (Rule(2, 16, 40), Rule(3, 24, 64, 32))
+SINGULAR_POLES = (Rule(2, 16, 40), Rule(2, 16, 40, 40), Rule(3, 24, 64, 32), Rule(4, 32, 64, 48))
 UNCHECKED = 3  # which rule is taken where no numbers are known to check it with
 SPREADS = (0.03, 0.3, 1.0, 3.0, 10.0, 100.0)  # standard deviations, on the scale of the function
 FAR = 1e3  # beyond these a function is nearly a kink, and an error of FAR_ERROR will do
@@ -97,7 +97,7 @@ def _cheapest(part: Integral, numbers: dict[sp.Symbol, float], wish: Wish, among
     means, spreads = _grid(part, numbers)
     checked, wanted = [part, part.derivative()], wish.error
     if any(part.singular):  # its gain is taken by parts, which multiplies the error by the distance from the mean
-        checked, wanted = [part], wanted / REACH
+        checked, wanted = [part, *_away_from_end(part)], wanted / REACH
     near = [_Reference(p, numbers, means, spreads) for p in checked]
     far = [_Reference(p, numbers, *_grid(part, numbers, WIDE * wish.scale)) for p in checked] if part.steep else []
     found = part
@@ -107,6 +107,14 @@ def _cheapest(part: Integral, numbers: dict[sp.Symbol, float], wish: Wish, among
         if here <= wanted and beyond <= max(wanted, FAR_ERROR):
             break
     return found
+
+
+def _away_from_end(part: Integral) -> Iterator[Integral]:
+    """The derivative times the distance from a singular end, at which it may be infinite, where anything else is steep."""
+    if part.steep:
+        distance = part.upper - part.argument if part.singular[1] else part.argument - part.lower
+        slopes = sp.Add.make_args(sp.diff(part.value, part.argument))
+        yield replace(part, value=sp.Add(*(distance * slope for slope in slopes)))
 
 
 class _Reference:

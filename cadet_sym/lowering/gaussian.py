@@ -283,13 +283,18 @@ class _Panels:
         plain = self._sum(i, slope)
         if nodes.length is None:
             return plain
-        origin = self.value.subs(self.symbol, 0)
+        origin = self.value.subs(self.symbol, 0).replace(_is_zero_power, lambda _: sp.S.Zero)
         change = self.value - origin if origin.is_finite else self.value
         last = Lowering({**g.env, self.symbol: g.s * nodes.length}).convert(change)
         end = self.high if self.side > 0 else self.low
         boundary = last * density(end - self.side * nodes.length)
         parts = (self._sum(i, change, nodes.u) - self.side * boundary) / g.s
         return ca.if_else(self.gap > 0, plain, parts)
+
+
+def _is_zero_power(expr: sp.Basic) -> bool:
+    """0**q, q a parameter: zero for any q that leaves f finite there, and without a logarithm of 0 in its derivative in q."""
+    return isinstance(expr, sp.Pow) and expr.base == 0
 
 
 def resolved(gaussian: Gaussian, parts: Iterable[Integral]) -> ca.SX:
