@@ -80,6 +80,12 @@ class Product:
             for position in function.kinks():
                 yield argument, position
 
+    def roots(self) -> Iterator[tuple[int, sp.Expr]]:
+        """Arguments and positions of those kinks at which derivatives are infinite."""
+        for argument, function in self.functions:
+            for position in function.roots():
+                yield argument, position
+
     def knots(self) -> Iterator[tuple[int, sp.Expr]]:
         """Arguments and positions of the kinks of measured curves."""
         for argument, function in self.functions:

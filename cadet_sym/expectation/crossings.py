@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import sympy as sp
 
 from cadet_sym.expectation.pieces import TINY
+from cadet_sym.expectation.quadrature import PLAIN_RULE, Integral, Rule
+from cadet_sym.expectation.steep import Steep
 
 if TYPE_CHECKING:
     from cadet_sym.expectation.describing import DescribingFunction
@@ -20,6 +22,16 @@ TURNED_ERROR = 0.03  # the same near full correlation where a measured curve has
 LOST_ERROR = 0.1  # the same where there are too many to follow
 FOUND_ERROR = 1e-9  # the largest that these rules were found to leave, relative, up to correlation one
 
+GRADING = 10  # power of the substitution at an end where f has a root: its derivative, which may be infinite, vanishes there
+WITH_STEPS = Rule(1, 24, straight=32, power=GRADING)
+WITH_STEPS_AND_POLES = Rule(1, 40, straight=40, power=GRADING)
+WITH_CURVES = Rule(3, 24, straight=32)
+WITH_ROOTS = Rule(2, 44, straight=32, graded=32, power=GRADING)
+AT_ENDS = Rule(1, 16, straight=24, graded=20)
+TRAPEZOIDAL = Rule(order=80)
+TRAPEZOIDAL_AT_ROOT = Rule(order=120)
+WITH_POLES = Rule(order=56, straight=40)
+
 
 @dataclass(frozen=True)
 class Crossing:
@@ -29,6 +41,7 @@ class Crossing:
     start: sp.Expr
     slope: sp.Expr
     width: sp.Expr | None  # of a pole, perhaps a function of z; None for a kink
+    root: bool = False  # a kink where derivatives are infinite, which is seen on every scale
     curve: sp.Expr | None = None  # or where this polynomial of degree two in z and `symbol` is zero
     symbol: sp.Symbol | None = None  # the argument
     branch: int = 0  # -1, 1: which of the two places where the line through the means passes the curve
@@ -39,27 +52,28 @@ def crossings_of(inside: Sequence[DescribingFunction], z: sp.Symbol, others: tup
     found: dict[tuple[int, sp.Expr], sp.Expr | None] = {}
     for product in (product for df in inside for product in df.products):
         for argument, position in product.kinks():
-            lines = position.args if isinstance(position, sp.Max | sp.Min) else (position,)
-            found.update({(others[argument], line): None for line in lines})
+            found.update({(others[argument], line): None for line in _lines(position)})
         for argument, position, width in product.poles():
             found.setdefault((others[argument], position), width)
+    roots = {(others[argument], line) for argument, at in _all(inside, "roots") for line in _lines(at)}
     straight, curves, error = [], {}, FOUND_ERROR
     for (argument, position), width in found.items():
         if position.is_polynomial(z) and sp.degree(position, z) <= 1:
             slope = position.coeff(z, 1) if position.has(z) else sp.S.Zero
-            straight.append(Crossing(argument, sp.expand(position - slope * z), slope, width))
+            root = (argument, position) in roots
+            straight.append(Crossing(argument, sp.expand(position - slope * z), slope, width, root))
         elif not position.is_number or width is None:
             error = CURVED_ERROR
             curve = _curve(position, z)
             curves.update({} if curve is None else {(argument, curve): width})
-    knots = dict.fromkeys(Crossing(others[i], at, sp.S.Zero, None) for i, at in _knots(inside) if not at.has(z))
+    knots = dict.fromkeys(Crossing(others[i], at, sp.S.Zero, None) for i, at in _all(inside, "knots") if not at.has(z))
     if len(knots) <= MAX_KNOTS:
         straight += knots
     else:  # a curve of many rows turns little at each: nodes for all of them would cost more than they are worth
         error = max(error, TURNED_ERROR)
     if len(curves) <= MAX_CURVES:
         straight += [
-            Crossing(argument, sp.S.Zero, sp.S.One, width, curve, _ON_CURVE, branch)
+            Crossing(argument, sp.S.Zero, sp.S.One, width, curve=curve, symbol=_ON_CURVE, branch=branch)
             for (argument, curve), width in curves.items()
             for branch in (-1, 1)
         ]
@@ -68,9 +82,15 @@ def crossings_of(inside: Sequence[DescribingFunction], z: sp.Symbol, others: tup
     return straight[:MAX_CROSSINGS], error if len(straight) <= MAX_CROSSINGS else max(error, CURVED_ERROR)
 
 
-def _knots(inside: Sequence[DescribingFunction]) -> Iterator[tuple[int, sp.Expr]]:
+def _lines(position: sp.Expr) -> tuple[sp.Expr, ...]:
+    """Of several places that one is the first or last of, all."""
+    return position.args if isinstance(position, sp.Max | sp.Min) else (position,)
+
+
+def _all(inside: Sequence[DescribingFunction], what: str) -> Iterator[tuple[int, sp.Expr]]:
+    """Arguments and positions of the roots, or the knots of measured curves, which only products of functions have."""
     for product in dict.fromkeys(product for df in inside for product in df.products):
-        yield from getattr(product, "knots", tuple)()
+        yield from getattr(product, what, tuple)()
 
 
 _ON_CURVE = sp.Dummy("y", real=True)
@@ -90,3 +110,23 @@ def _curve(position: sp.Expr, z: sp.Symbol) -> sp.Expr | None:
     _, curve = sp.factor_terms(curve).as_independent(z, y, as_Add=False)
     curve = sp.expand(curve)
     return curve if curve.is_polynomial(z, y) and sp.total_degree(curve, z, y) == 2 else None
+
+
+def ruled(part: Integral, crossings: tuple[Crossing, ...], *, plain: bool) -> Integral:
+    """The stretch with its rule and a place kept for every crossing, whose centre and width follow from the moments."""
+    roots = [crossing.root and not plain for crossing in crossings]
+    kinds = [(crossing.width is None and not root, root) for crossing, root in zip(crossings, roots, strict=True)]
+    places = (Steep(sp.S.Zero, sp.S.One, step=step, root=root) for step, root in kinds)
+    part = replace(part, steep=(*places, *part.steep))
+    rule = WITH_POLES
+    if plain:
+        rule = PLAIN_RULE
+    elif part.is_trapezoidal:
+        rule = TRAPEZOIDAL_AT_ROOT if part.steep[0].root else TRAPEZOIDAL
+    elif any(place.root for place in part.steep):
+        rule = WITH_ROOTS
+    elif any(place.step for place in part.steep) or any(part.singular):
+        on_curves = any(crossing.curve is not None for crossing in crossings)
+        with_steps = WITH_STEPS if all(place.step for place in part.steep) else WITH_STEPS_AND_POLES
+        rule = (AT_ENDS if any(part.singular) else WITH_CURVES) if on_curves else with_steps
+    return replace(part, rule=rule)

@@ -15,11 +15,11 @@ from sympy.core.relational import Relational
 from cadet_sym.errors import LinearisationError
 from cadet_sym.expectation.cells import Cell, Partition
 from cadet_sym.expectation.closed_form import normal
-from cadet_sym.expectation.crossings import CURVED_ERROR, Crossing, crossings_of
+from cadet_sym.expectation.crossings import CURVED_ERROR, Crossing, crossings_of, ruled
 from cadet_sym.expectation.existence import require_expectation
 from cadet_sym.expectation.pieces import TINY, Splitter, affine, factored, has_kinks
-from cadet_sym.expectation.quadrature import PLAIN_ERROR, PLAIN_RULE, Integral, Rule, Wish, stretches
-from cadet_sym.expectation.steep import Steep, steep_places
+from cadet_sym.expectation.quadrature import PLAIN_ERROR, Integral, Wish, stretches
+from cadet_sym.expectation.steep import Steep, about_end, steep_places
 from cadet_sym.expectation.tables import written_out
 from cadet_sym.language.kinks import switching_functions
 from cadet_sym.language.numeric import evaluate
@@ -28,18 +28,12 @@ from cadet_sym.language.vocabulary import Lookup
 if TYPE_CHECKING:
     from cadet_sym.expectation.describing import DescribingFunction
 
-WITH_STEPS = Rule(1, 24, straight=32)
-WITH_STEPS_AND_POLES = Rule(1, 40, straight=40)
-WITH_CURVES = Rule(3, 24, straight=32)
-AT_ENDS = Rule(1, 16, straight=24, graded=20)
 FEWEST = 16  # points that a slice takes at the least
-TRAPEZOIDAL = Rule(order=80)
-WITH_POLES = Rule(order=56, straight=40)
 WHOLE = Cell()
 SAME = 1e-12  # relative difference of points that are one
 INSIDE = 0.37  # how far within a cell it is looked at
 INNER_ERROR = 1e-9
-MAX_NODES = 50_000
+MAX_NODES = 80_000
 SINGULAR_EFFORT = 3
 
 
@@ -47,7 +41,8 @@ SINGULAR_EFFORT = 3
 class Slice:
     """A stretch of the outer argument, and on it the expectation over the others, of f and of its derivative.
 
-    Steep places of `part` are those of the crossings, then its own; these may depend on the other arguments.
+    Steep places of `part` are those of the crossings, then its own; these may depend on the other arguments. Where an end is
+    singular, the outer argument stands in `inner` and `slope` for the distance from that end, which is exact however small.
     """
 
     part: Integral
@@ -191,30 +186,38 @@ def _over(
     others = tuple(i for i in used if i != outer)
     rest = tuple(arguments[i] for i in others)
 
-    def inner(expr: sp.Expr, cell: Cell = WHOLE) -> DescribingFunction:
-        return describe(rest, expr, where, replace(wish, sample={z: _inside(cell, wish), **wish.sample}, error=INNER_ERROR))
+    def inner(expr: sp.Expr, cell: Cell = WHOLE, place: tuple[sp.Expr, int] | None = None) -> DescribingFunction:
+        at = _inside(cell, wish)
+        if place is not None:  # in the distance from it
+            end, side = place
+            at = abs(evaluate(end, wish.sample) - at) if end.free_symbols <= wish.sample.keys() else INSIDE
+            expr = about_end(expr, z, end, side, z)
+        return describe(rest, expr, where, replace(wish, sample={z: at, **wish.sample}, error=INNER_ERROR))
 
     splitter = Splitter(z, where)
     own = body.replace(lambda e: isinstance(e, Lookup) and e.has(z), lambda e: e.as_piecewise())
     cells = _cells(splitter, own, rest, inner, wish)
     if cells is None:
         return None
-    slices = []
+    slices, met = [], []
     for cell, value in _joined(cells):
         require_expectation(value, cell, splitter)
-        expectations = inner(value, cell), inner(_slope(value, z), cell)
-        rough = _is_rough(expectations[0], z)
-        for lower, upper, singular in stretches(cell, value, z, rough=rough):
+        expressions = value, _slope(value, z)
+        whole = [inner(expr, cell) for expr in expressions]
+        met.append(whole[0])
+        for lower, upper, singular in stretches(cell, value, z, rough=_is_rough(whole[0], z)):
             steep = () if wish.plain else tuple(steep_places(value, z, Cell.between(lower, upper), singular))
             steep = steep if wish.plain or any(singular) else (*steep, *_waves(value, z, rest))
-            slices.append(Slice(Integral(lower, upper, value, z, steep, singular), *expectations))
+            part = Integral(lower, upper, value, z, steep, singular)
+            near = [inner(expr, cell, part.singular_end) for expr in expressions] if part.singular_end else whole
+            slices.append(Slice(part, *near))
     steps = (Step(position, inner(change)) for position, change in _steps(slices, z))
-    met, error = crossings_of([piece.inner for piece in slices], z, others)
+    crossed, error = crossings_of(met, z, others)
     inside = max((piece.inner.error for piece in slices), default=0.0)
     error = max(error, inside) if inside >= CURVED_ERROR else error
-    crossings = tuple(c for c in met if c.width is None or not wish.plain)
-    ruled = tuple(_ruled(s, crossings, wish.plain) for s in slices)
-    return Nested(outer, others, ruled, tuple(steps), crossings, PLAIN_ERROR if wish.plain else error)
+    crossings = tuple(c for c in crossed if c.width is None or not wish.plain)
+    ready = tuple(replace(s, part=ruled(s.part, crossings, plain=wish.plain)) for s in slices)
+    return Nested(outer, others, ready, tuple(steps), crossings, PLAIN_ERROR if wish.plain else error)
 
 
 def _waves(value: sp.Expr, z: sp.Symbol, rest: tuple[sp.Symbol, ...]) -> Iterator[Steep]:
@@ -352,22 +355,6 @@ def _slope(value: sp.Expr, z: sp.Symbol) -> sp.Expr:
     if not derivative.has(sp.Derivative, sp.DiracDelta, sp.Subs):
         return derivative
     raise LinearisationError(f"`{value}` cannot be differentiated in `{z}`")
-
-
-def _ruled(piece: Slice, crossings: tuple[Crossing, ...], plain: bool) -> Slice:
-    """The slice with a place kept for every crossing, whose centre and width follow from the moments."""
-    places = (Steep(sp.S.Zero, sp.S.One, step=crossing.width is None) for crossing in crossings)
-    part = replace(piece.part, steep=(*places, *piece.part.steep))
-    rule = WITH_POLES
-    if plain:
-        rule = PLAIN_RULE
-    elif part.is_trapezoidal:
-        rule = TRAPEZOIDAL
-    elif any(place.step for place in part.steep) or any(part.singular):
-        on_curves = any(crossing.curve is not None for crossing in crossings)
-        with_steps = WITH_STEPS if all(place.step for place in part.steep) else WITH_STEPS_AND_POLES
-        rule = (AT_ENDS if any(part.singular) else WITH_CURVES) if on_curves else with_steps
-    return replace(piece, part=replace(part, rule=rule))
 
 
 def _joined(cells: list[tuple[Cell, sp.Expr]]) -> Iterator[tuple[Cell, sp.Expr]]:

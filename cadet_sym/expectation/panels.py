@@ -29,6 +29,7 @@ REACH = 8.0  # standard deviations from the mean; 1e-15 of the probability lies 
 PANEL = 1.5  # length of the panel at a singular end where something else is steep, in standard deviations
 WIDEST = 100.0  # a steep place wider or farther than this many standard deviations is none
 NARROWEST = 1e-9  # what is steeper counts as a kink
+MERGED = 1e-6  # beyond this, and twice their distance, two roots are one
 TINY = 1e-100
 STEP_REACH = 6.5  # widths beyond which a step is over to 4e-11
 SPACED = 2.0  # l, standard deviations from a pole beyond which nodes are equally spaced
@@ -177,6 +178,7 @@ class _Layout:
         self.part, self.rule, self.xp, self.narrowest = part, part.rule, xp, narrowest
         self.singular = any(part.singular)
         self.has_steps = any(place.step for place in part.steep)
+        self.has_roots = any(place.root for place in part.steep)
 
     # -- nothing steep --------------------------------------------------------------------------------------------
 
@@ -293,10 +295,18 @@ class _Layout:
         return inside, xp.fmin(xp.sqrt(xp.fmin(width, WIDEST) ** 2 + far**2) + self.narrowest, WIDEST)
 
     def away_from_end(self, end: Number, place: _Place, right: Number) -> list[Panel]:
-        """The side of the first place that looks away from a singular end, perhaps a very near one."""
+        """The side of the first place that looks away from a singular end, perhaps a very near one; both may be roots."""
         xp = self.xp
         length = right - end
         start = place.centre - end
+        if self.has_roots:
+            near = xp.fmin(start, length / 2)
+            far = xp.fmin(near + MERGED, right - place.centre)
+            return [
+                self.stretched(place.centre, place.scale, 0.0, near, 1),
+                self.graded(end, start + near, start + far),
+                self.stretched(place.centre, start + MERGED, far, right - place.centre, 1),
+            ]
         over = start + xp.fmin(xp.fmin(place.over, PANEL), 0.45 * (length - start))
         last = xp.fmin(xp.fmax(over, PANEL), length)
         return [

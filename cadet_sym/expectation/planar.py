@@ -9,7 +9,7 @@ With z_o = m + s u the outer argument and z_i = m_i + L u + r v the inner one gi
 Either integral is taken in equal steps of a variable tau in which the poles of its integrand off the line, at c +- i w, lie
 about pi/2 away however narrow they are, so that the error falls as exp(-pi^2/h):
 
-    tau = (u/2) + sum_k asinh((u - c_k)/w_k)  for the outer,    sinh(tau) = (2/w) sinh(v/2), from c on,  for the inner.
+    tau = (u/2) + sum_k asinh((u - c_k)/w_k)  for the outer,    sinh(tau) = sinh(v/2)/sin(w/2), from c on,  for the inner.
 
 Poles of the outer integrand are those of f itself, for likely values of the other argument, and places where the mean of the
 inner argument passes a pole. The step h belongs to the function; how many steps there are follows from the moments, on the
@@ -40,6 +40,7 @@ WIDER = 0.45  # by how much steps on the outer line are longer than on the inner
 GAUSS, AT_ENDS = 1.4, 6  # how many more nodes a line takes that has an end
 SPACED = 2.0  # standard deviations from a pole beyond which nodes are equally spaced
 NARROWEST = 1e-9
+HALF_PI = float(np.pi / 2)
 ROOT_TWO_PI = float(np.sqrt(2 * np.pi))
 FAR = 100.0
 LIKELY = (-4.0, -2.0, 0.0, 2.0, 4.0)
@@ -250,7 +251,7 @@ class Layout:
     # -- the inner line -------------------------------------------------------------------------------------------
 
     def stretch(self, u: Number, moments: Moments) -> tuple[Number, Number, Number, Number]:
-        """Centre and width of the pole, and tau at the two ends of the inner line at one outer node."""
+        """Centre of the pole, 2 sin(w/2) of its width w, and tau at the two ends of the inner line at one outer node."""
         xp, at = self.xp, moments
         reach = xp.sqrt(xp.fmax(self.reach**2 - u * u, SHORTEST**2))
         centre, width = 0.0 * u, 0.0 * u + FAR
@@ -260,7 +261,7 @@ class Layout:
             centre = (self._limited(self.evaluate(pole.centre, outer)) - at.mean - at.lean * u) / at.left
             width = xp.fmin(self.evaluate(pole.width, outer), LARGE**2) / at.left
         centre, width = self._projected(centre, width, reach)
-        width = xp.fmin(width, SPACED)
+        width = SPACED * xp.sin(xp.fmin(width / SPACED, HALF_PI))  # where sinh(i width/SPACED) is: the pole at tau = i pi/2
         return centre, width, -self.inner_tau(reach + centre, width), self.inner_tau(reach - centre, width)
 
     def inner_tau(self, distance: Number, width: Number) -> Number:

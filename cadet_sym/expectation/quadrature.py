@@ -54,6 +54,11 @@ class Integral:
     rate: sp.Expr = sp.S.Zero  # times exp(rate z), which moves the mean by rate p and leaves the value
 
     @property
+    def singular_end(self) -> tuple[sp.Expr, int] | None:
+        """The singular end, and 1 if it is the upper one, else -1."""
+        return (self.upper, 1) if self.singular[1] else (self.lower, -1) if self.singular[0] else None
+
+    @property
     def is_whole_line(self) -> bool:
         """Whether there is no kink at either end."""
         return bool(self.lower.is_infinite and self.upper.is_infinite)
@@ -75,6 +80,8 @@ class Integral:
             return rule.straight
         side = rule.panels * rule.order * zones
         nodes = side * sum(place.sides for place in self.steep)
+        if any(self.singular) and any(place.root for place in self.steep):
+            return nodes + side + 2 * rule.graded + rule.straight
         return nodes - side + 3 * rule.graded + 2 * rule.straight if any(self.singular) else nodes
 
     def derivative(self) -> Integral:

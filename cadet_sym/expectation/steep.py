@@ -33,6 +33,7 @@ class Steep:
     left: bool = True
     right: bool = True
     step: bool = False  # a smoothed kink instead of a pole
+    root: bool = False  # a smoothed root
 
     @property
     def sides(self) -> int:
@@ -53,7 +54,19 @@ def singular_at(value: sp.Expr, z: sp.Symbol, end: sp.Expr) -> bool:
 
 def about_end(value: sp.Expr, z: sp.Symbol, end: sp.Expr, side: int, distance: sp.Symbol) -> sp.Expr:
     """The expression in the distance from an end, so that what vanishes there does so without cancellation."""
-    return without_cancellation(value.subs(z, end - side * distance), distance)
+    near = value.subs(z, end - side * distance)
+    near = near.replace(lambda e: isinstance(e, sp.asin | sp.acos), lambda e: _arc(e, distance))
+    return without_cancellation(near, distance)
+
+
+def _arc(node: sp.Expr, distance: sp.Symbol) -> sp.Expr:
+    """asin or acos of a cosine by the sine of half the angle, or half of what is left to pi, if that vanishes at the end."""
+    for sign in (1, -1):
+        left = sp.expand(1 - sign * node.args[0])
+        if left.is_polynomial(distance) and left.has(distance) and left.subs(distance, 0) == 0:
+            angle = sp.pi * (1 - sign) / 2 + sign * 2 * sp.asin(sp.sqrt(left / 2))
+            return angle if isinstance(node, sp.acos) else sp.pi / 2 - angle
+    return node
 
 
 def without_cancellation(value: sp.Expr, distance: sp.Symbol) -> sp.Expr:

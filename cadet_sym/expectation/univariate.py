@@ -117,6 +117,11 @@ class Univariate:
         positions = (kink.position for kink in self.closed.kinks)
         return tuple(dict.fromkeys(k for k in (*positions, *ends) if not k.is_infinite))
 
+    def roots(self) -> tuple[sp.Expr, ...]:
+        """The ends of pieces where some derivative is infinite."""
+        ends = ((part.lower, part.upper)[part.singular[1]] for part in self.integrals if any(part.singular))
+        return tuple(dict.fromkeys(ends))
+
     @property
     def is_piecewise_polynomial(self) -> bool:
         """Whether f is made of polynomials between kinks; tables always are."""
@@ -202,6 +207,6 @@ def _value_at(expr: sp.Expr, z: sp.Symbol, position: sp.Expr) -> sp.Expr:
 
     A cell may be empty for the numbers of the parameters: at its ends roots need not be real.
     """
-    value = expr.subs(z, position).replace(lambda e: isinstance(e, sp.Pow) and e.base == 0, lambda e: sp.S.Zero)
-    value = value.replace(_is_root, lambda e: sp.Max(e.base, 0, evaluate=False) ** e.exp)
+    real = expr.replace(_is_root, lambda e: sp.Max(e.base, 0, evaluate=False) ** e.exp)
+    value = real.subs(z, position).replace(lambda e: isinstance(e, sp.Pow) and e.base == 0, lambda e: sp.S.Zero)
     return sp.S.Zero if value.has(sp.zoo, sp.nan, sp.oo) else value

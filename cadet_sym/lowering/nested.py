@@ -66,11 +66,11 @@ class _Conditioning:
             for nodes in self._nodes(piece, low, high):
                 points = self._points(piece, nodes)
                 weight = ca.if_else(high > low, nodes.weight, 0)
-                for end in (piece.part.lower, piece.part.upper) if any(piece.part.singular) else ():
-                    if not end.is_infinite:  # where derivatives have no value, and there is nothing left of the weight
-                        weight = ca.if_else(points != self.outer.value(end), weight, 0)
+                turned = 1
+                if (end := piece.part.singular_end) is not None:  # at which derivatives have no value
+                    weight, turned = ca.if_else(points > 0, weight, 0), -end[1]
                 points = ca.if_else(weight != 0, points, self._somewhere(piece))
-                value, slope, inner = self._sums(piece.inner, piece.slope, points, nodes.u, weight)
+                value, slope, inner = self._sums(piece.inner, piece.slope, points, nodes.u, weight, turned)
                 F += value
                 gains[nested.outer] += slope
                 for a, i in enumerate(nested.others):
@@ -150,30 +150,32 @@ class _Conditioning:
         return _frozen(u, ca.if_else(real > 0, size / longer, longer / ca.fabs(2 * A)))
 
     def _somewhere(self, piece: Slice) -> ca.SX:
-        """A point well within a slice: what has no weight must have derivatives all the same."""
+        """One of the `_points` well within a slice: what has no weight must have derivatives all the same."""
         lower, upper = piece.part.lower, piece.part.upper
+        if piece.part.singular_end is not None:
+            return ca.SX(1) if lower.is_infinite or upper.is_infinite else self.outer.value((upper - lower) / 2)
         if lower.is_infinite or upper.is_infinite:
             return self.outer.value(upper - 1 if lower.is_infinite else lower + 1) if lower != -upper else ca.SX(0)
         return self.outer.value((lower + upper) / 2)
 
     def _points(self, piece: Slice, nodes: Nodes) -> ca.SX:
+        """What the functions of a slice are taken at: the outer argument, or its distance from a singular end."""
         outer = self.outer
-        if nodes.distance is None:
+        if (place := piece.part.singular_end) is None or nodes.distance is None:
             return outer.m + outer.s * nodes.u
-        side = 1 if piece.part.singular[1] else -1
-        end = piece.part.upper if side > 0 else piece.part.lower
-        near = outer.value(end) - side * outer.s * nodes.distance
-        return ca.if_else(beyond_reach(outer, end, side) > 0, outer.m + outer.s * nodes.u, near)
+        end, side = place
+        far = side * (outer.value(end) - outer.m) - side * outer.s * nodes.u
+        return ca.if_else(beyond_reach(outer, end, side) > 0, far, outer.s * nodes.distance)
 
     def _sums(
-        self, df: DescribingFunction, slope: DescribingFunction, z: ca.SX, u: ca.SX, weight: ca.SX
+        self, df: DescribingFunction, slope: DescribingFunction, z: ca.SX, u: ca.SX, weight: ca.SX, turned: int = 1
     ) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Sums over nodes of the expectation of f, of the expectation of its slope, and of its gains."""
         symbols = (df.body.free_symbols | slope.body.free_symbols) - set(df.arguments) - {self.symbol}
         free = tuple(sorted(symbols, key=str))
         count = ca.SX(z).numel()
         together = next(k for k in range(min(TOGETHER, count), 0, -1) if count % k == 0)
-        nodes = _inner_function(df, slope, (self.symbol, *free), together)
+        nodes = _inner_function(df, slope, (self.symbol, *free), together, turned)
         columns = [ca.reshape(ca.SX(x), together, count // together) for x in (z, u, weight + ca.SX.zeros(count))]
         same = [self.means, ca.vertcat(*self.lean), self.covariances, ca.vertcat(*(self.outer.value(s) for s in free))]
         if self.nested.written_out or count == together:
@@ -203,11 +205,12 @@ def _frozen(u: ca.SX, width: ca.SX) -> tuple[ca.SX, ca.SX]:
 
 @lru_cache(maxsize=256)
 def _inner_function(
-    df: DescribingFunction, slope: DescribingFunction, free: tuple[sp.Symbol, ...], count: int
+    df: DescribingFunction, slope: DescribingFunction, free: tuple[sp.Symbol, ...], count: int, turned: int
 ) -> ca.Function:
     """What a few nodes add: (z, u, weights, means, lean, covariances, parameters) -> sums of F, E[slope] and gains.
 
-    Functions under one distribution share what they need of it. What is infinite at a singular end has no weight there.
+    Functions under one distribution share what they need of it. z may be the distance from an end; `turned` is its derivative
+    in the outer argument, 1 or -1.
     """
     from cadet_sym.lowering.joint import Joint
 
@@ -218,7 +221,7 @@ def _inner_function(
     for k in range(count):
         joint = Joint(m + lean * u[k], S, dict(zip(free, (z[k], *ca.vertsplit(q)), strict=True)))
         F, gain = joint.expectation_and_gain(df)
-        values = ca.vertcat(F, joint.expectation(slope) + _moving_jumps(df, joint, free[0]), gain)
+        values = ca.vertcat(F, joint.expectation(slope) + turned * _moving_jumps(df, joint, free[0]), gain)
         total += weights[k] * ca.if_else(weights[k] != 0, values, 0)
     total = ca.densify(total)
     arguments = [z, u, weights, m, lean, S, q]
