@@ -9,7 +9,8 @@ import pytest
 from scipy import stats
 
 import cadet_sym as cs
-from cadet_sym.expectation.adaptive import integrate
+from cadet_sym.expectation.adaptive import easiest_order, integrate
+from cadet_sym.expectation.roots import roots
 from cadet_sym.language.expression import parse, symbol
 from cadet_sym.lowering.check import check
 
@@ -120,3 +121,30 @@ def test_the_check_says_where_its_own_integration_did_not_converge(monkeypatch):
     assert result.unsettled > 0
     assert "the integration itself did not converge" in str(result)
     assert max(result.error, result.gain_error) < 1e-6  # what its own error explains is no error of the element
+
+
+@pytest.mark.parametrize(
+    ("text", "order"),
+    [
+        ("x*abs(20*y*cos(w) - x)", (1, 2, 0)),  # linear in x, and with a number there: in y it goes to infinity with cos(w) = 0
+        ("max(y**2 - x, 0)*w", (1, 0, 2)),
+        ("sin(x*y*w)", (0, 1, 2)),  # nothing switches: as it stands
+    ],
+)
+def test_what_switches_is_integrated_over_last_where_it_is_linear(text, order):
+    found = easiest_order(ARGUMENTS, parse(text))
+    assert [k for k in found if k < 2 or "w" in text] == list(order)
+
+
+def test_zeros_are_found_at_jumps_steep_places_and_double_roots_alike():
+    functions = [lambda x: x**3 - 0.1, lambda x: np.where(x > 0.3, 1.0, -1.0), lambda x: np.tanh(1e9 * (x - 0.7))]
+    functions += [lambda x: x - 0.2, lambda x: np.where(x < 0.6, -1.0, 0.0), lambda x: 1 / (x - 0.55), lambda x: (x - 0.4) ** 9]
+
+    def at(some, x):
+        return np.array([functions[k](each) for k, each in zip(some, x, strict=True)])
+
+    count = len(functions)
+    low, high = np.full(count, 0.05), np.full(count, 0.95)
+    every = np.arange(count)
+    found = roots(at, (low, high), (at(every, low), at(every, high)), 1e-12)
+    assert found == pytest.approx([0.1 ** (1 / 3), 0.3, 0.7, 0.2, 0.6, 0.55, 0.4], abs=2e-12)

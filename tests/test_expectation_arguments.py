@@ -24,7 +24,7 @@ from cadet_sym.language.numeric import evaluate
 from cadet_sym.language.vocabulary import Lookup
 from cadet_sym.lowering.check import check
 from cadet_sym.lowering.elements import element_function
-from cadet_sym.lowering.measured import measured, measured_error
+from cadet_sym.lowering.measured import measured, measured_error, refined
 
 X, Y, W = symbol("x"), symbol("y"), symbol("w")
 CLOSED = {  # text: kinks in x, kinks in y
@@ -282,6 +282,30 @@ def test_a_model_with_three_arguments_that_are_not_integrated_well_is_refused_wh
     model = cs.Model(vehicle, noise=cs.Noise(("w",), sp.ImmutableMatrix([[1]])))
     with pytest.raises(LinearisationError, match="tangle.* split it"):
         measured(cs.moment_equations(cs.linearise(cs.augment(model))))
+
+
+@pytest.mark.parametrize("text", ["x*abs(y*cos(w) - x)", "sin(x*y*w)"])
+def test_the_error_of_three_arguments_is_not_above_what_is_said_of_it(text):
+    """Against the trapezoidal rule in three dimensions: the adaptive integration is not sure of these."""
+    df = describing_function((X, Y, W), parse(text))
+    better, errors = refined(df, {})
+    function, covariance = element_function(better, ()), np.array([[1.0, -0.6, 0.2], [-0.6, 1.44, 0.1], [0.2, 0.1, 0.49]])
+    e, step = np.linspace(-6, 6, 101, retstep=True)
+    grid = np.stack([g.ravel() for g in np.meshgrid(e, e, e)])
+    weight = step**3 * np.exp(-np.sum(grid**2, axis=0) / 2) / (2 * np.pi) ** 1.5
+    for scale in (0.1, 1.0):
+        mean, S = scale * np.array([0.5, -0.8, 0.3]), scale**2 * covariance
+        z = mean[:, None] + np.linalg.cholesky(S) @ grid
+        f = evaluate(parse(text), dict(zip((X, Y, W), z, strict=True)))
+        found = float(function(mean, S[np.tril_indices(3)], [])[0])
+        assert abs(found - f @ weight) <= max(errors[scale], 1e-4) * (np.abs(f) @ weight)  # a kink costs the rule 3e-5
+
+
+def test_three_arguments_take_as_many_nodes_as_they_need():
+    df = describing_function((X, Y, W), parse("x*abs(y*cos(w) - x)"))
+    better, errors = refined(df, {})
+    assert better.nodes > df.nodes
+    assert errors[1.0] < 1e-8 < measured_error(df, {})
 
 
 def test_a_switch_on_a_surface_curved_in_three_arguments_is_refused_at_once():

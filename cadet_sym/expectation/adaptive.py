@@ -11,12 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import ceil, log2
+from itertools import permutations
+from math import ceil
 
 import numpy as np
 import sympy as sp
 
 from cadet_sym.expectation.pieces import factored
+from cadet_sym.expectation.roots import roots
 from cadet_sym.language.kinks import switching_functions
 from cadet_sym.language.numeric import evaluate
 
@@ -26,15 +28,17 @@ RAYS, STEPS = 200, 400  # along which the reach is looked for
 EVEN = np.linspace(0.0, 1.0, 9)  # where a switching function is looked at on an interval
 GRADED = np.array([1e-12, 1e-9, 1e-7, 1e-5, 1e-3, 0.02, 0.15])
 GRADED = np.concatenate([GRADED, [0.5], 1 - GRADED[::-1]])  # the same between the places found so
-SURER = 6  # bisections of a zero beyond those that the tolerance asks for
+FINER = 0.02  # than the tolerance are zeros found
 PANELS = (3.3, 3.3, 6.5)  # the longest interval at first, in standard deviations: of one, two, three arguments
 NARROWEST = 1e-13  # interval that is not halved
 CLOSER = 0.03  # the tolerance of a line inside over that outside
 LOOSER = 1e3  # the tolerance that is tried where one is not met
+HOPELESS = 0.1  # relative error at which a looser tolerance is not tried
 MARGIN = 30.0  # the error that may be left over the tolerance: estimates are large where much is halved
 LEAST_SHARE = 0.02  # of a line's tolerance that an interval may take, however short
 BATCH = 400_000  # evaluations at once
 MOST_PLACES = 60
+HARD = 20  # the degree, as it were, of what is no polynomial
 SHAPES = np.array([[[0, 3, -2], [0, 1, 0]], [[2, -1, 0], [1, 0, 0]]], float)  # of an interval, by whether its ends are regular
 
 _KRONROD = (  # positive nodes, weights; every second node from the second on is Gauss's
@@ -58,6 +62,7 @@ NONE = np.zeros(2 * len(_BESIDE))
 KRONROD = np.concatenate([_HALF[:, 1], [_MIDDLE], _HALF[::-1, 1], NONE])
 GAUSS = np.zeros(len(NODES))
 GAUSS[1:21:2] = np.polynomial.legendre.leggauss(10)[1]
+RULES = np.stack([KRONROD, GAUSS])
 BANDS = np.tile([4e-3, 1e-3, 3e-5], 2)  # how much of the interval each of these stands for
 EXTRAPOLATED = np.linalg.solve(  # values at the 21 nodes -> at these
     np.polynomial.legendre.legvander(_NODES, 20).T, np.polynomial.legendre.legvander(NODES[21:], 20).T
@@ -145,11 +150,11 @@ class _Integrand:
     mean: np.ndarray
     L: np.ndarray
     places: tuple[tuple[sp.Expr, ...], ...]  # for every level, what is zero where a line is cut
-    bisections: int  # to find such a zero
+    fineness: float  # to which such a zero is found, of the interval that it is looked for in
 
     def at(self, expr: sp.Expr, e: np.ndarray) -> np.ndarray:
         """An expression in the arguments of the first levels at points (levels, n)."""
-        z = (m + sum(a * x for a, x in zip(row, e, strict=False)) for m, row in zip(self.mean[: len(e)], self.L, strict=False))
+        z = self.mean[: len(e), None] + np.einsum("ij,jn->in", self.L[: len(e), : len(e)], e)
         values = evaluate(expr, {**self.numbers, **dict(zip(self.arguments, z, strict=False))})
         return np.broadcast_to(values, e.shape[1:])
 
@@ -176,7 +181,7 @@ def integrate(
     count = len(arguments)
     placed = tuple(tuple(_places(body, arguments, level)) for level in range(count))
     m, root = np.asarray(mean, float), np.asarray(L, float)
-    integrand = _Integrand(arguments, body, numbers, m, root, placed, ceil(-log2(tolerance)) + SURER)
+    integrand = _Integrand(arguments, body, numbers, m, root, placed, FINER * tolerance)
     reach, size = _extent(integrand, NEGLIGIBLE * tolerance)
     best: Integrated | None = None
     for wanted in (tolerance, LOOSER * tolerance):
@@ -187,7 +192,7 @@ def integrate(
         converged = error <= MARGIN * wanted * float(total[-1]) and wanted == tolerance
         if best is None or error < best.error:
             best = Integrated(float(total[0]), total[1:-1], float(total[-1]), error, spent, converged)
-        if converged:
+        if converged or error > HOPELESS * float(total[-1]):
             break
     return replace(best, evaluations=spent)
 
@@ -210,8 +215,36 @@ def _places(body: sp.Expr, arguments: tuple[sp.Symbol, ...], level: int) -> list
     return list(usable)[:MOST_PLACES]
 
 
+def easiest_order(arguments: tuple[sp.Symbol, ...], body: sp.Expr) -> tuple[int, ...]:
+    """The arguments in the order in which they are best integrated over: what switches should be linear in the last it has.
+
+    Zeros of x - y cos(w) on a line along w come, go and meet as x and y change; along x there is always one.
+    """
+
+    def toil(order: tuple[int, ...]) -> int:
+        ordered = [arguments[k] for k in order]
+        switching = dict.fromkeys(f for z in arguments for f in switching_functions(body, z))
+        lasts = [(f, max((z for z in ordered if f.has(z)), key=ordered.index)) for f in switching]
+        return sum(_toil(f, z) for f, z in lasts)
+
+    return min(permutations(range(len(arguments))), key=toil)
+
+
+def _toil(function: sp.Expr, z: sp.Symbol) -> int:
+    if not function.is_polynomial(z):
+        return HARD
+    polynomial = sp.Poly(function, z)
+    return 2 * int(polynomial.degree()) + bool(polynomial.LC().free_symbols)  # where that is zero a zero goes to infinity
+
+
 def _parts(place: sp.Expr, arguments: tuple[sp.Symbol, ...], level: int) -> Iterator[sp.Expr]:
-    """Factors of a polynomial; of those with later arguments the coefficients: where they are zero, zeros go to infinity."""
+    """Factors; of polynomial ones with later arguments the coefficients: where they are zero, zeros go to infinity."""
+    if isinstance(place, sp.Mul):
+        for factor in place.args:
+            yield from _parts(factor, arguments, level)
+        return
+    if isinstance(place, sp.Heaviside | sp.sign):
+        return  # from the slope of something that switches: where it does so is a place by itself
     if not place.is_polynomial(*arguments):
         yield place
         return
@@ -299,10 +332,9 @@ def _kronrod(
         weight = weight * dx
         f = found.total.reshape(*x.shape, -1) * weight[..., None]
         f = np.concatenate([f[..., :1], f[..., :1] * x[..., None], f[..., 1:]], axis=-1)
-        kronrod = np.einsum("ijk,j->ik", f, KRONROD)
-        gauss = np.einsum("ijk,j->ik", f, GAUSS)
-        spread = np.einsum("ijk,j->ik", np.abs(f - kronrod[:, None] / 2), KRONROD)
-        hidden = np.einsum("ijk,j->ik", np.abs(f[:, 21:] - EXTRAPOLATED @ f[:, :21]), BANDS)
+        kronrod, gauss = np.moveaxis(RULES @ f, 1, 0)
+        spread = KRONROD @ np.abs(f - kronrod[:, None] / 2)
+        hidden = BANDS @ np.abs(f[:, 21:] - EXTRAPOLATED @ f[:, :21])
         values[k] = kronrod
         own[k] = (_scaled(np.abs(kronrod - gauss), spread) + hidden)[:, :-1].max(axis=1)
         inside[k] = np.einsum("ij,j->i", found.error.reshape(x.shape) * weight, KRONROD)
@@ -343,15 +375,13 @@ def _zeros(
     """Where a function changes its sign on intervals of lines, as far as samples show it: line, position."""
     lines, low, high = intervals
 
-    def is_above(of: np.ndarray, x: np.ndarray) -> np.ndarray:
-        return integrand.at(place, np.concatenate([e[:, of], x[None]])) >= 0
+    def at(of: np.ndarray, x: np.ndarray) -> np.ndarray:
+        return integrand.at(place, np.concatenate([e[:, of], x[None]]))
 
     grid = low[:, None] + (high - low)[:, None] * fractions
-    above = is_above(np.repeat(lines, len(fractions)), grid.ravel()).reshape(grid.shape)
-    which, at = np.nonzero(above[:, 1:] != above[:, :-1])
-    of, low, high, side = lines[which], grid[which, at], grid[which, at + 1], above[which, at]
-    for _ in range(integrand.bisections if len(of) else 0):
-        middle = (low + high) / 2
-        same = is_above(of, middle) == side
-        low, high = np.where(same, middle, low), np.where(same, high, middle)
-    return of, (low + high) / 2
+    values = at(np.repeat(lines, len(fractions)), grid.ravel()).reshape(grid.shape)
+    above = values >= 0
+    which, k = np.nonzero(above[:, 1:] != above[:, :-1])
+    of = lines[which]
+    ends, f = ((both[which, k], both[which, k + 1]) for both in (grid, values))
+    return of, roots(lambda some, x: at(of[some], x), ends, f, integrand.fineness)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,11 @@ from cadet_sym.language.vocabulary import Lookup
 
 def erf(z: Any) -> Any:
     """The error function."""
-    return np.vectorize(math.erf, otypes=[float])(z)
+    if np.ndim(z) == 0:
+        return math.erf(z)
+    from scipy.special import erf as of_arrays  # late: SciPy takes longer to import than most models to be read
+
+    return of_arrays(z)
 
 
 def _power(base: Any, exponent: Any) -> Any:
@@ -33,7 +38,7 @@ def _all(function: Callable[[Any, Any], Any]) -> Callable[..., Any]:
 
 # one row a class: what its arguments' values become
 NUMPY: dict[type, Callable[..., Any]] = {
-    sp.Add: lambda *terms: sum(terms),
+    sp.Add: _all(np.add),
     sp.Mul: _all(np.multiply),
     sp.Pow: _power,
     sp.exp: np.exp,
@@ -71,35 +76,72 @@ def evaluate(expr: sp.Basic, values: Mapping[sp.Symbol, Any] | None = None) -> A
 
     Out of range gives inf or nan, as floating point does; a symbol with no value raises ModelError.
     """
-    known: dict[sp.Basic, Any] = dict(values or {})
     with np.errstate(all="ignore"):
-        result = _evaluate(expr, known)
+        result = _steps_of(expr).run(values or {})
     return float(result) if np.ndim(result) == 0 else np.asarray(result, float)
 
 
-def _evaluate(expr: sp.Basic, known: dict[sp.Basic, Any]) -> Any:
-    if expr in known:
-        return known[expr]
-    if expr.is_Rational:
-        value: Any = quotient(expr)
-    elif isinstance(expr, sp.NumberSymbol):
-        value = float(expr)
-    elif isinstance(expr, BooleanTrue | BooleanFalse):
-        value = bool(expr)
-    elif isinstance(expr, sp.Piecewise):
-        # the branch not taken is computed too and thrown away: NaN there does no harm
-        value = _evaluate(expr.args[-1].args[0], known)
-        for branch in reversed(expr.args[:-1]):
-            value = np.where(_evaluate(branch.args[1], known), _evaluate(branch.args[0], known), value)
-    elif isinstance(expr, Lookup):
-        from cadet_sym.language.curve import curve_values
+@dataclass(frozen=True)
+class _Steps:
+    """An expression as a list of calls, each subexpression once: a place in a list of values for each."""
 
-        value = curve_values(expr, _evaluate(expr.argument, known))
-    elif type(expr) in NUMPY:
-        value = NUMPY[type(expr)](*(_evaluate(argument, known) for argument in expr.args))
-    else:
-        raise ModelError(f"`{expr}` has no value here", token=str(expr))
-    known[expr] = value
+    known: tuple[Any, ...]  # the numbers in it, None where a value is yet to come
+    symbols: tuple[tuple[int, sp.Basic], ...]
+    calls: tuple[tuple[int, Callable[..., Any], tuple[int, ...]], ...]  # result, function, arguments
+
+    def run(self, given: Mapping[Any, Any]) -> Any:
+        values = list(self.known)
+        for place, symbol in self.symbols:
+            if symbol not in given:
+                raise ModelError(f"`{symbol}` has no value here", token=str(symbol))
+            values[place] = given[symbol]
+        for place, function, arguments in self.calls:
+            values[place] = function(*[values[k] for k in arguments])
+        return values[-1]
+
+
+@functools.lru_cache(maxsize=4096)
+def _steps_of(expr: sp.Basic) -> _Steps:
+    places: dict[sp.Basic, int] = {}
+    known: list[Any] = []
+    symbols, calls = [], []
+
+    def place_of(node: sp.Basic) -> int:
+        if node in places:
+            return places[node]
+        value, function, parts = None, None, node.args
+        if node.is_Rational:
+            value = quotient(node)
+        elif isinstance(node, sp.NumberSymbol):
+            value = float(node)
+        elif isinstance(node, BooleanTrue | BooleanFalse):
+            value = bool(node)
+        elif isinstance(node, sp.Piecewise):
+            function, parts = _chosen, tuple(part for branch in node.args for part in branch.args)
+        elif isinstance(node, Lookup):
+            from cadet_sym.language.curve import curve_values
+
+            function, parts = functools.partial(curve_values, node), (node.argument,)
+        else:
+            function = NUMPY.get(type(node))
+        arguments = () if function is None else tuple(map(place_of, parts))
+        places[node] = len(known)
+        known.append(value)
+        if function is not None:
+            calls.append((places[node], function, arguments))
+        elif value is None:
+            symbols.append((places[node], node))
+        return places[node]
+
+    place_of(expr)
+    return _Steps(tuple(known), tuple(symbols), tuple(calls))
+
+
+def _chosen(*parts: Any) -> Any:
+    """The value of a conditional from value and condition of every branch, taken or not: NaN in one not taken does no harm."""
+    value = parts[-2]
+    for k in range(len(parts) - 4, -1, -2):
+        value = np.where(parts[k + 1], parts[k], value)
     return value
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import sympy as sp
 
 from cadet_sym.errors import ModelError
-from cadet_sym.expectation.adaptive import integrate
+from cadet_sym.expectation.adaptive import easiest_order, integrate
 from cadet_sym.expectation.describing import DescribingFunction, describing_function
 from cadet_sym.language.element import Element
 from cadet_sym.language.numeric import evaluate
@@ -241,9 +241,11 @@ class Truth:
 
         With Stein gain = S^-1 E[f (z - m)] = L^-T E[f e].
         """
-        L = np.linalg.cholesky(covariance)
-        found = integrate(df.arguments, df.body, numbers, mean, L, tolerance=tolerance, most=most)
-        size, back = max(found.size, 1e-300), np.linalg.inv(L).T
+        order = list(easiest_order(df.arguments, df.body))
+        L = np.linalg.cholesky(covariance[np.ix_(order, order)])
+        arguments = tuple(df.arguments[k] for k in order)
+        found = integrate(arguments, df.body, numbers, mean[order], L, tolerance=tolerance, most=most)
+        size, back = max(found.size, 1e-300), np.linalg.inv(L).T[np.argsort(order)]
         units = np.array([size, *(size / np.sqrt(np.diag(covariance)))])
         errors = found.error * np.array([1.0, *np.linalg.norm(back, axis=1)])
         return Truth(np.array([found.value, *(back @ found.moments)]), units, errors / units, found.evaluations)

@@ -1,14 +1,16 @@
 """Measure what integrals over one argument of functions of several leave, against adaptive integration of the function itself.
 
 Their nodes follow from where kinks, poles and waves are met, not from a search as those of one argument: how good they are
-depends on the function, and is looked at for the moments of a short grid.
+depends on the function, and is looked at for the moments of a short grid. Where adaptive integration is not sure in the
+evaluations that it has, as of functions of three arguments that change fast, the same rules with twice the nodes stand for it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
+import casadi as ca
 import numpy as np
 import sympy as sp
 
@@ -19,6 +21,7 @@ from cadet_sym.expectation.describing import DescribingFunction
 from cadet_sym.expectation.nested import Nested
 from cadet_sym.expectation.reduced import Reduced
 from cadet_sym.language.expression import DISTANCE, SPEED, TIME, symbol
+from cadet_sym.language.numeric import evaluate
 from cadet_sym.linearisation import Nonlinearity
 from cadet_sym.lowering.check import Truth
 from cadet_sym.lowering.elements import element_function
@@ -30,16 +33,18 @@ __all__ = ["measured", "measured_error", "numbers_at_start"]
 
 GRID = {  # standard deviation, correlation
     2: ((0.1, 0.5), (1.0, -0.9), (1.0, 0.5), (1.0, 0.995), (10.0, 0.4), (10.0, -0.9)),
-    3: ((1.0, -0.8), (10.0, 0.5)),
+    3: ((0.1, 0.3), (1.0, -0.8), (10.0, 0.5)),
 }
 WIDEST = 10.0
 RATIOS = (1.0, 1.4, 0.7)
 MEANS = (0.6, -0.8, 0.4)
 TOLERANCE = {2: 1e-9, 3: 1e-6}
-MOST = {2: 500_000, 3: 1_500_000}  # evaluations for one case
+MOST = {2: 500_000, 3: 600_000}  # evaluations for one case
 UNSURE = 1e-6  # error of the reference at which it is of no use
 SAFETY = 10.0  # moments between those of the grid may be worse
-REFUSED = 5e-3  # of three arguments: no engineer waits a minute for less
+SAMPLES = 4000
+MOST_NODES = 200  # of three arguments from which on nodes are not doubled any more
+REFUSED = 0.1  # of three arguments, at deviations of their own size: an approximation of an approximation
 
 
 def measured(equations: MomentEquations) -> MomentEquations:
@@ -48,26 +53,27 @@ def measured(equations: MomentEquations) -> MomentEquations:
 
     def with_error(element: Nonlinearity, where: str) -> Nonlinearity:
         df = element.describing
-        cores = list(_measurable(df))
-        if not cores:
+        scale = max((form.scale(numbers) for form in element.forms), default=1.0)
+        better = {core: refined(core, numbers, scale) for core in _measurable(df)}
+        if not better:
             return element
-        scale = max(form.scale(numbers) for form in element.forms)
-        errors = [(measured_error(core, numbers, scale), len(core.arguments)) for core in cores]
-        error = max(error for error, _ in errors)
-        if any(error > REFUSED and count == max(GRID) for error, count in errors):
+        found = [(errors, len(core.arguments)) for core, (_, errors) in better.items()]
+        error = max(max(errors.values()) for errors, _ in found)
+        if any(_within(errors, scale) > REFUSED and count == max(GRID) for errors, count in found):
             raise LinearisationError(
                 f"{where}: no accurate expectation of `{df.body}` was found ({error:.0e} is left): split it, as a sum of "
                 "products of functions of one or two linear forms each, or give a part of it a state of its own (a fast "
                 "first-order filter)"
             )
         if error > WARNED:
+            widest, as_far = max(max(errors) for errors, _ in found), _as_far([errors for errors, _ in found])
             text = (
                 f"{where}: the expectation of `{df.body}` and its gains are accurate to {error:.0e} only, at standard "
-                f"deviations of its arguments up to {scale * WIDEST:g}: it switches or oscillates across several; write it as "
-                "a sum of products of functions of one linear form each, or see with cs.check where it is worst"
+                f"deviations of its arguments up to {widest:g}{as_far}: it switches or oscillates across several; write it "
+                "as a sum of products of functions of one linear form each, or see with cs.check where it is worst"
             )
             warn(ExpectationWarning(text, where, error))
-        return replace(element, describing=_with_error(df, error))
+        return replace(element, describing=_exchanged(df, {core: new for core, (new, _) in better.items()}))
 
     return with_elements(equations, with_error)
 
@@ -82,13 +88,12 @@ def _measurable(df: DescribingFunction) -> Iterator[DescribingFunction]:
             yield from _measurable(product.core)
 
 
-def _with_error(df: DescribingFunction, error: float) -> DescribingFunction:
-    def changed(part: Part) -> Part:
-        if isinstance(part, Reduced):
-            return replace(part, core=_with_error(part.core, error))
-        return replace(part, error=error) if isinstance(part, Nested) else part
-
-    return replace(df, products=tuple(map(changed, df.products)))
+def _exchanged(df: DescribingFunction, better: Mapping[DescribingFunction, DescribingFunction]) -> DescribingFunction:
+    """With other functions instead of those that its terms are reduced to, or of itself."""
+    if df in better:
+        return better[df]
+    parts = (replace(p, core=_exchanged(p.core, better)) if isinstance(p, Reduced) else p for p in df.products)
+    return replace(df, products=tuple(parts))
 
 
 def numbers_at_start(equations: MomentEquations) -> dict[sp.Symbol, float]:
@@ -102,21 +107,115 @@ def measured_error(df: DescribingFunction, numbers: Mapping[sp.Symbol, float], s
 
     Multiplied by `SAFETY`; where the reference itself is not sure, no less than what such rules leave.
     """
-    count = len(df.arguments)
-    free = tuple(sorted((s for s in df.body.free_symbols - set(df.arguments) if isinstance(s, sp.Symbol)), key=str))
+    cases = _cases(df, numbers, scale)
+    return max(_errors(df, cases).values()) if cases else df.error
+
+
+def refined(
+    df: DescribingFunction, numbers: Mapping[sp.Symbol, float], scale: float = 1.0
+) -> tuple[DescribingFunction, dict[float, float]]:
+    """The function, of three arguments with as many nodes as it needs; its errors by the standard deviation of those."""
+    cases = _cases(df, numbers, scale)
+    if not cases:
+        return df, {WIDEST * scale: df.error}
+    best, errors = df, _errors(df, cases)
+    while len(df.arguments) == max(GRID) and _within(errors, scale) > WARNED and df.nodes < MOST_NODES:
+        df = _finer(df)
+        found = _errors(df, cases)
+        if _within(found, scale) < _within(errors, scale):
+            best, errors = df, found
+    return _with_error(best, max(errors.values())), errors
+
+
+def _within(errors: Mapping[float, float], scale: float) -> float:
+    return max(error for std, error in errors.items() if std <= scale)
+
+
+def _with_error(df: DescribingFunction, error: float) -> DescribingFunction:
+    return replace(df, products=tuple(replace(p, error=error) if isinstance(p, Nested) else p for p in df.products))
+
+
+@dataclass(frozen=True)
+class _Case:
+    """One set of moments, the numbers of the parameters, and the expectation by adaptive integration where that is sure."""
+
+    std: float
+    at: tuple[np.ndarray, np.ndarray, list[float]]
+    truth: Truth | None
+    units: np.ndarray  # of errors
+
+
+def _cases(df: DescribingFunction, numbers: Mapping[sp.Symbol, float], scale: float) -> list[_Case]:
+    """None if the function is not one of two or three arguments with numbers for its parameters."""
+    count, free, found = len(df.arguments), _free(df), list[_Case]()
     if count not in GRID or not set(free) <= numbers.keys():
-        return df.error
-    function, known = element_function(df, free), {s: numbers[s] for s in free}
-    errors = [0.0]
+        return found
     for spread, rho in GRID[count]:
         stds = spread * scale * np.array(RATIOS[:count])
         mean = stds * MEANS[:count]
         covariance = rho ** np.abs(np.subtract.outer(np.arange(count), np.arange(count))) * np.outer(stds, stds)
-        truth = Truth.of(df, known, mean, covariance, TOLERANCE[count], MOST[count])
-        F, gain = (np.array(x).ravel() for x in function(mean, covariance[np.tril_indices(count)], list(known.values())))
-        for found, wanted, unit, own in truth.rows(F, gain):
-            errors.append(SAFETY * max(abs(found - wanted) / unit - own, 0.0))
-            errors.append(min(own, df.error) if own > WARNED else 0.0)
-        if np.max(truth.errors) > UNSURE:  # nor will it be at larger ones
-            break
-    return float(np.max(errors)) if np.all(np.isfinite(errors)) else np.inf
+        known, truth = {s: numbers[s] for s in free}, None
+        if not found or found[-1].truth is not None:  # else it will be no surer of larger ones
+            truth = Truth.of(df, known, mean, covariance, TOLERANCE[count], MOST[count])
+        units = _units(df, known, mean, covariance) if truth is None else truth.units
+        at = mean, covariance[np.tril_indices(count)], list(known.values())
+        found.append(_Case(spread * scale, at, truth if truth and truth.own <= UNSURE else None, units))
+    return found
+
+
+def _free(df: DescribingFunction) -> tuple[sp.Symbol, ...]:
+    symbols = (s for s in df.body.free_symbols - set(df.arguments) if isinstance(s, sp.Symbol))
+    return tuple(sorted(symbols, key=str))
+
+
+def _errors(df: DescribingFunction, cases: Sequence[_Case]) -> dict[float, float]:
+    """The largest error by standard deviation."""
+    function = element_function(df, _free(df))
+    finer = None if all(case.truth for case in cases) else element_function(_finer(df), _free(df))
+    errors: dict[float, float] = {}
+    for case in cases:
+        found, own = _row(function, case), np.zeros(1)
+        if case.truth is not None:
+            wanted, own = case.truth.values, case.truth.errors
+        else:
+            wanted = found if finer is None else _row(finer, case)
+        left = SAFETY * np.maximum(np.abs(found - wanted) / case.units - own, 0.0)
+        doubt = min(float(own.max()), df.error) if own.max() > WARNED else 0.0
+        worst = max(float(left.max()), doubt) if np.all(np.isfinite(left)) else np.inf
+        errors[case.std] = max(worst, errors.get(case.std, 0.0))
+    return errors
+
+
+def _units(
+    df: DescribingFunction, numbers: Mapping[sp.Symbol, float], mean: np.ndarray, covariance: np.ndarray
+) -> np.ndarray:
+    """E|f| by sampling, and that over every standard deviation."""
+    points = np.random.default_rng(0).multivariate_normal(mean, covariance, SAMPLES)
+    values = np.abs(evaluate(df.body, {**numbers, **dict(zip(df.arguments, points.T, strict=True))}))
+    size = float(np.mean(values[np.isfinite(values)]))
+    return np.array([size, *(size / np.sqrt(np.diag(covariance)))])
+
+
+def _row(function: ca.Function, case: _Case) -> np.ndarray:
+    """E[f], then every gain."""
+    return np.concatenate([np.array(x).ravel() for x in function(*case.at)])
+
+
+def _finer(df: DescribingFunction) -> DescribingFunction:
+    """The same with twice the nodes in every integral over one of several arguments."""
+
+    def finer(part: Part) -> Part:
+        if isinstance(part, Reduced):
+            return replace(part, core=_finer(part.core))
+        if not isinstance(part, Nested):
+            return part
+        slices = (replace(s, part=s.part.finer(), inner=_finer(s.inner), slope=_finer(s.slope)) for s in part.slices)
+        return replace(part, slices=tuple(slices), steps=tuple(replace(s, inner=_finer(s.inner)) for s in part.steps))
+
+    return replace(df, products=tuple(map(finer, df.products)))
+
+
+def _as_far(found: list[dict[float, float]]) -> str:
+    """Up to which standard deviations nothing is to be said against them."""
+    good = [std for std in found[0] if all(error <= WARNED for errors in found for s, error in errors.items() if s <= std)]
+    return f" (to {WARNED:.0e} up to {max(good):g})" if good else ""
