@@ -73,7 +73,12 @@ def parts(x, y):
 
 def test_operations_on_matrices_are_casadis():
     A, u, v, z = ca.MX.sym("A", 2, 3), ca.MX.sym("u"), ca.MX.sym("v", 2), ca.MX.sym("z", 3)
+    moved = z + 0
+    moved[[2, 0]] = 3 * v
     results = [
+        moved,
+        ca.jtimes(z[[2, 0, 2]], z, A[0, :].T, True),
+        ca.densify(ca.project(ca.diag(z), ca.Sparsity.lower(3))),
         *(ca.vertcat(*map(ca.vec, parts(a, b))) for a, b in ((A, 2 * A), (A, u), (u, A), (A, ca.DM([[1, 2, 3], [4, 5, 6]])))),
         ca.horzcat(A, v, ca.MX.zeros(2), ca.DM([-0.0, 0.0])),
         ca.vertcat(v, u, z),

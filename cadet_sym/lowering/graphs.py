@@ -1,19 +1,17 @@
 """CasADi's graphs of matrices in LLVM's intermediate language, and its functions that call others many times or by choice.
 
-What an instruction makes has a place of its own in a work array, or is a part of what is there already. Nothing is
-unrolled: an operation on many entries is a loop, and so is the call of a function for every column.
+An operation on many entries is a loop, and so is the call of a function for every column.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
 
 import casadi as ca
 
 from cadet_sym.lowering.instructions import Module, arguments, counted, literal
 from cadet_sym.lowering.lanes import over_columns, side_by_side
-from cadet_sym.lowering.operations import kinds as names
+from cadet_sym.lowering.matrices import Matrices, of_entries
 
 __all__ = ["choice", "graph", "mapped"]
 
@@ -25,6 +23,15 @@ WIDEST = 64
 
 TOGETHER = 8
 """... for so many columns: a processor adds them side by side, where each has to wait for the one before it."""
+
+PLACE = (
+    "  %a = getelementptr i64, ptr %at, i64 %k",
+    "  %i = load i64, ptr %a",
+    "  %o = getelementptr double, ptr %out, i64 %i",
+    "  %p = getelementptr double, ptr %x, i64 %k",
+    "  %v = load double, ptr %p",
+)
+"""Of a loop: %o is the place at_k of out, %v is x_k."""
 
 LOOPS = {
     # out = x x x ...
@@ -50,6 +57,14 @@ LOOPS = {
             "  %o = getelementptr double, ptr %out, i64 %k",
             "  store double %v, ptr %o",
         ],
+    ),
+    # out_(at_k) = x_k
+    "put": counted("put", ("ptr %out", "ptr %x", "ptr %at"), [*PLACE, "  store double %v, ptr %o"]),
+    # out_(at_k) += x_k
+    "added": counted(
+        "added",
+        ("ptr %out", "ptr %x", "ptr %at"),
+        [*PLACE, "  %before = load double, ptr %o", "  %sum = fadd double %before, %v", "  store double %sum, ptr %o"],
     ),
 }
 """Loops, by name."""
@@ -112,13 +127,6 @@ def _accumulated(name: str, n: int, columns: int, *, weighted: bool) -> str:
     return "\n".join(lines) + "\n"
 
 
-@cache
-def _of_entries(operation: int, operands: int) -> ca.Function:
-    """An operation on numbers as a function."""
-    x = [ca.SX.sym(f"x{k}") for k in range(operands)]
-    return ca.Function("entries", x, [ca.SX.binary(operation, *x) if operands == 2 else ca.SX.unary(operation, *x)])
-
-
 def mapped(function: ca.Function, module: Module) -> list[str]:
     """The lines of `@self`, a function that is called for every column of its arguments."""
     info = function.info()
@@ -161,31 +169,6 @@ def choice(function: ca.Function, module: Module) -> list[str]:
     return [*lines, "}"]
 
 
-def _sums(function: ca.Function) -> dict[int, list[bool]]:
-    """Of calls for columns side by side, which results are summed over these and not used otherwise."""
-    kind = [names()[function.instruction_id(k)] for k in range(function.n_instructions())]
-    holds: dict[int, tuple[int, int]] = {}  # by register: the call and which of its results
-    users: dict[tuple[int, int], list[int]] = {}
-    for k, name in enumerate(kind):
-        for i in function.instruction_input(k) if name != "INPUT" else ():
-            if i in holds:
-                users[holds[i]].append(k)
-        for j, to in enumerate(function.instruction_output(k) if name != "OUTPUT" else ()):
-            holds.pop(to, None)
-            if name == "CALL":
-                holds[to] = k, j
-                users[k, j] = []
-    found = {}
-    for k in {k for k, _ in users}:
-        called = function.instruction_MX(k).which_function()
-        if called.class_name() == "Map" and side_by_side(each := called.info()["f"]):
-            found[k] = []
-            for j in range(each.n_out()):
-                summed = [kind[i] == "HORZREPSUM" and function.instruction_MX(i).nnz() == each.nnz_out(j) for i in users[k, j]]
-                found[k].append(summed == [True])
-    return found
-
-
 def graph(function: ca.Function, module: Module) -> list[str]:
     """The lines of `@self`, a function of matrices.
 
@@ -197,196 +180,94 @@ def graph(function: ca.Function, module: Module) -> list[str]:
     return _Graph(function, module).text()
 
 
-class _Graph:
-    """Writes the instructions one after the other."""
+class _Graph(Matrices):
+    """Writes them as calls of functions and loops."""
+
+    language = "machine code"
 
     def __init__(self, function: ca.Function, module: Module) -> None:
-        self.function, self.module = function, module
-        self.lines: list[str] = []
+        super().__init__(function)
+        self.module = module
         self.tables: list[str] = []
-        self.used, self.count = 0, 0
-        self.at: dict[int, str] = {}  # what CasADi has in a register: a pointer ...
-        self.size: dict[int, int] = {}  # ... to so many numbers,
-        self.tiled: dict[int, tuple[str, int]] = {}  # or one to fewer that are there again and again
-        self.summed: set[int] = set()  # or one to the sum of what CasADi has there
-        self.sums = _sums(function)
-        self.written = [0] * function.n_out()
+        self.count = 0
 
     def text(self) -> list[str]:
-        for k in range(self.function.n_instructions()):
-            self.operation = self.function.instruction_id(k)
-            kind = names()[self.operation]
-            read, into = self.function.instruction_input(k), self.function.instruction_output(k)
-            if kind == "OUTPUT":
-                self._output(read[0], into[0])
-                continue
-            node = self.function.instruction_MX(k)
-            write = getattr(self, f"_of_{kind.lower()}", None)
-            if kind == "CALL":
-                self._call(k, node.which_function(), read, into)
-            elif write is not None:
-                write(node, read, into)
-            else:
-                self._entries(kind, node, read, into)
+        self.walk()
         begin, end = f"  %w = alloca [{self.used} x double], align 32", []
         if self.used > LARGEST:
             begin, end = f"  %w = call ptr @malloc(i64 {8 * self.used})", ["  call void @free(ptr %w)"]
         head = f"define internal void @self({arguments(self.function)}) nounwind {{"
         return [*self.tables, head, *[begin] * bool(self.used), *self.lines, *end, "  ret void", "}"]
 
-    # -- instructions -----------------------------------------------------------------------------------------
+    def can_sum(self, function: ca.Function) -> bool:
+        return side_by_side(function)
 
-    def _of_input(self, node: ca.MX, read: list[int], into: list[int]) -> None:
-        self._part(into[0], f"%i{read[0]}", node.info()["offset"], node.nnz())
+    def pointer(self, pointer: str, first: int) -> str:
+        self.count += 1
+        self.lines.append(f"  %x{self.count} = getelementptr double, ptr {_register(pointer)}, i64 {first}")
+        return f"%x{self.count}"
 
-    def _output(self, of: int, result: int) -> None:
-        there = self._pointer(f"%o{result}", self.written[result])
-        self._copy(there, self._whole(of), self.size[of])
-        self.written[result] += self.size[of]
+    def numbers(self, values: Sequence[float]) -> str:
+        return self._table(f"[{len(values)} x double] [{', '.join(f'double {literal(value)}' for value in values)}]")
 
-    def _of_const(self, node: ca.MX, _: list[int], into: list[int]) -> None:
-        values = node.to_DM().nonzeros()
-        numbers = ", ".join(f"double {literal(value)}" for value in values)
-        self._part(into[0], self._table(f"[{len(values)} x double] [{numbers}]"), 0, len(values))
+    def copy(self, there: str, x: str, size: int) -> None:
+        given = f"ptr {_register(there)}, ptr {_register(x)}, i64 {8 * size}"
+        self.lines.append(f"  call void @llvm.memcpy.p0.p0.i64({given}, i1 false)")
 
-    def _call(self, k: int, called: ca.Function, read: list[int], into: list[int]) -> None:
-        summed = self.sums.get(k, [False] * len(into))
-        if called.class_name() == "Map":  # what is the same in every column need not be there for each
-            info = called.info()
-            each, count = info["f"], info["n"]
-            shared = [i in self.tiled and self.tiled[i][1] == each.nnz_in(j) for j, i in enumerate(read)]
-            name, first = over_columns(each, count, shared, self.module, summed), f"i64 {count}, "
-            given = [self.tiled[i][0] if same else self._whole(i) for i, same in zip(read, shared, strict=True)]
-            sizes = [called.nnz_out(j) // count if total else called.nnz_out(j) for j, total in enumerate(summed)]
-        else:
-            name, first, given = self.module.name_of(called), "", [self._whole(i) for i in read]
-            sizes = [called.nnz_out(j) for j in range(len(into))]
-        results = [self._new(to, size) for to, size in zip(into, sizes, strict=True)]
-        self.summed.update(to for to, total in zip(into, summed, strict=True) if total)
-        pointers = ", ".join(f"ptr {pointer}" for pointer in [*given, *results])
-        self.lines.append(f"  call void @{name}({first}{pointers})")
+    def tile(self, count: int, there: str, x: str, size: int) -> None:
+        self._loop("tiled", count, there, x, f"i64 {size}")
 
-    def _of_horzsplit(self, node: ca.MX, read: list[int], into: list[int]) -> None:
-        parts, first = node.info()["output"], 0
-        for j, to in enumerate(into):
-            self._part(to, self._whole(read[0]), first, parts.nnz_out(j))
-            first += parts.nnz_out(j)
+    def pick(self, which: Sequence[int], there: str, x: str) -> None:
+        self._loop("picked", len(which), there, x, self._places(which))
 
-    def _of_vertsplit(self, node: ca.MX, read: list[int], into: list[int]) -> None:
-        self._only(node.dep(0).is_column(), "a matrix is split into rows")
-        self._of_horzsplit(node, read, into)
+    def put(self, which: Sequence[int], there: str, x: str, *, adds: bool) -> None:
+        self._loop("added" if adds else "put", len(which), there, x, self._places(which))
 
-    def _of_horzcat(self, node: ca.MX, read: list[int], into: list[int]) -> None:
-        parts, first = [(self._whole(i), self.size[i]) for i in read], 0
-        there = self._new(into[0], node.nnz())
-        for pointer, size in parts:
-            self._copy(self._pointer(there, first), pointer, size)
-            first += size
+    def add_up(self, count: int, there: str, x: str, size: int) -> None:
+        self._only(0 < size <= WIDEST, f"so many numbers as {size} are added to others")
+        self.module.loops[f"summed.{size}"] = _summed(size)
+        self.lines.append(f"  call void @llvm.memset.p0.i64(ptr {_register(there)}, i8 0, i64 {8 * size}, i1 false)")
+        self._given(f"summed.{size}", count, there, x)
 
-    def _of_vertcat(self, node: ca.MX, read: list[int], into: list[int]) -> None:
-        self._only(node.is_column(), "matrices are put below each other")
-        self._of_horzcat(node, read, into)
-
-    def _of_horzrepmat(self, node: ca.MX, read: list[int], into: list[int]) -> None:
-        x, n = self._whole(read[0]), self.size[read[0]]
-        self._part(into[0], "null", 0, node.nnz())
-        self.tiled[into[0]] = x, n
-
-    def _of_horzrepsum(self, node: ca.MX, read: list[int], into: list[int]) -> None:
-        x, count, n = self._whole(read[0]), self.size[read[0]], node.nnz()
-        if read[0] in self.summed:
-            self._part(into[0], x, 0, n)
-            return
-        there = self._new(into[0], n)
-        self.lines.append(f"  call void @llvm.memset.p0.i64(ptr {there}, i8 0, i64 {8 * n}, i1 false)")
-        self._only(0 < n <= WIDEST, f"so many numbers as {n} are added to others")
-        self.module.loops[f"summed.{n}"] = _summed(n)
-        self.lines.append(f"  call void @summed.{n}(i64 {count // n}, ptr {there}, ptr {x})")
-
-    def _of_mtimes(self, node: ca.MX, read: list[int], into: list[int]) -> None:
-        (rows, columns), n = node.shape, node.dep(1).shape[1]
-        self._only(all(each.is_dense() for each in (node, node.dep(1), node.dep(2))), "sparse matrices are multiplied")
-        before, x, y = (self._whole(i) for i in read)
-        there = self._new(into[0], node.nnz())
-        self._copy(there, before, node.nnz())
+    def multiply(self, shape: tuple[int, int, int], there: str, x: str, y: str) -> None:
+        rows, n, columns = shape
         self._only(0 < rows <= WIDEST, f"so many numbers as {rows} are added to others")
         for k in range(0, columns, TOGETHER):
             some = min(TOGETHER, columns - k)
-            self.module.loops[f"multiplied.{rows}.{some}"] = _multiplied(rows, some)
-            given = self._pointer(there, k * rows), x, self._pointer(y, k * n)
-            self.lines.append(f"  call void @multiplied.{rows}.{some}(i64 {n}, ptr {given[0]}, ptr {given[1]}, ptr {given[2]})")
+            name = f"multiplied.{rows}.{some}"
+            self.module.loops[name] = _multiplied(rows, some)
+            self._given(name, n, self._further(there, k * rows), x, self._further(y, k * n))
 
-    def _of_reshape(self, node: ca.MX, read: list[int], into: list[int]) -> None:
-        self._part(into[0], self._whole(read[0]), 0, node.nnz())
+    def call(self, function: ca.Function, given: Sequence[str], results: Sequence[str]) -> None:
+        pointers = ", ".join(f"ptr {_register(each)}" for each in (*given, *results))
+        self.lines.append(f"  call void @{self.module.name_of(function)}({pointers})")
 
-    def _of_transpose(self, node: ca.MX, read: list[int], into: list[int]) -> None:
-        rows, columns = node.shape
-        self._only(node.is_dense(), "a sparse matrix is transposed")
-        self._pick(read[0], into[0], [i * columns + j for j in range(columns) for i in range(rows)])
+    def call_over(
+        self, function: ca.Function, count: int, shared: Sequence[bool], summed: Sequence[bool], given: Sequence[str],
+        results: Sequence[str],
+    ) -> None:
+        self._given(over_columns(function, count, shared, self.module, summed), count, *given, *results)
 
-    def _of_getnonzeros(self, node: ca.MX, read: list[int], into: list[int]) -> None:
-        self._pick(read[0], into[0], [int(i) for i in node.mapping().nonzeros()])
+    def operate(self, operation: int, count: int, shared: Sequence[bool], given: Sequence[str], there: str) -> None:
+        self._given(over_columns(of_entries(operation, len(given)), count, shared, self.module), count, *given, there)
 
-    def _entries(self, kind: str, node: ca.MX, read: list[int], into: list[int]) -> None:
-        """An operation on every entry; one number takes part in all."""
-        count = node.nnz()
-        sizes = [self.size[i] for i in read]
-        self._only(all(size in (1, count) for size in sizes), f"matrices of other sparsity meet in `{kind.lower()}`")
-        operation = _of_entries(self.operation, len(read))
-        name = over_columns(operation, count, [size != count for size in sizes], self.module)
-        given = [self._whole(i) for i in read]
-        pointers = ", ".join(f"ptr {each}" for each in (*given, self._new(into[0], count)))
-        self.lines.append(f"  call void @{name}(i64 {count}, {pointers})")
-
-    # -- memory -----------------------------------------------------------------------------------------------
-
-    def _new(self, register: int, size: int) -> str:
-        """A place of its own; of what is not used the register is negative."""
-        there = self._pointer("%w", self.used)
-        self.used += size
-        self._part(register, there, 0, size)
-        return there
-
-    def _part(self, register: int, pointer: str, first: int, size: int) -> None:
-        if register >= 0:
-            self.at[register], self.size[register] = self._pointer(pointer, first), size
-            self.tiled.pop(register, None)
-            self.summed.discard(register)
-
-    def _whole(self, register: int) -> str:
-        """Where its numbers are, all of them."""
-        if register in self.tiled:
-            (x, n), size = self.tiled[register], self.size[register]
-            self._loop("tiled", size // max(n, 1), self._new(register, size), x, f"i64 {n}")
-        return self.at[register]
-
-    def _pointer(self, pointer: str, first: int) -> str:
-        if not first:
-            return pointer
-        self.count += 1
-        self.lines.append(f"  %x{self.count} = getelementptr double, ptr {pointer}, i64 {first}")
-        return f"%x{self.count}"
-
-    def _copy(self, there: str, pointer: str, size: int) -> None:
-        self.lines.append(f"  call void @llvm.memcpy.p0.p0.i64(ptr {there}, ptr {pointer}, i64 {8 * size}, i1 false)")
-
-    def _pick(self, source: int, register: int, which: Sequence[int]) -> None:
-        first = which[0] if which else 0
-        if list(which) == list(range(first, first + len(which))):
-            self._part(register, self._whole(source), first, len(which))
-            return
-        x, table = self._whole(source), self._table(f"[{len(which)} x i64] [{', '.join(f'i64 {i}' for i in which)}]")
-        self._loop("picked", len(which), self._new(register, len(which)), x, f"ptr {table}")
+    def _given(self, name: str, count: int, *pointers: str) -> None:
+        """Call a loop."""
+        self.lines.append(f"  call void @{name}(i64 {count}, {', '.join(f'ptr {_register(each)}' for each in pointers)})")
 
     def _loop(self, name: str, count: int, there: str, x: str, more: str) -> None:
         self.module.loops[name] = LOOPS[name]
-        self.lines.append(f"  call void @{name}(i64 {count}, ptr {there}, ptr {x}, {more})")
+        self.lines.append(f"  call void @{name}(i64 {count}, ptr {_register(there)}, ptr {_register(x)}, {more})")
+
+    def _places(self, which: Sequence[int]) -> str:
+        return f"ptr {self._table(f'[{len(which)} x i64] [' + ', '.join(f'i64 {each}' for each in which) + ']')}"
 
     def _table(self, values: str) -> str:
         name = f"@self.c{len(self.tables)}"
         self.tables.append(f"{name} = internal constant {values}")
         return name
 
-    def _only(self, fine: bool, otherwise: str) -> None:
-        if not fine:
-            raise ValueError(f"{otherwise} in `{self.function.name()}`, which has no machine code")
+
+def _register(pointer: str) -> str:
+    """An argument, result or the work array by its name here; pointers to parts and constants have theirs."""
+    return pointer if pointer[:1] in ("%", "@") else f"%{pointer}" if pointer else "null"
