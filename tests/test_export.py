@@ -428,10 +428,11 @@ def test_every_operation_is_written_as_casadi_computes_it(tmp_path):
 
 
 def test_long_functions_are_cut_into_blocks(tmp_path):
-    z = ca.SX.sym("z", 40)
-    f = z
-    for k in range(120):
-        f = ca.sin(f) + ca.vertcat(f[1:], f[0]) * (k + 1) / 100
+    z, rng = ca.SX.sym("z", 40), np.random.default_rng(1)
+    f, kinds = z, [ca.sin, ca.cos, ca.tanh, ca.atan, ca.sqrt, ca.fabs, ca.exp, ca.sign]
+    for k in range(120):  # no two of them alike, or they would be loops
+        f = ca.vertcat(*(kinds[rng.integers(8)](ca.fabs(x) / 10) for x in ca.vertsplit(f)))
+        f += ca.vertcat(f[1:], f[0]) * (k + 1) / 100
     function = ca.Function("long", [z], [f], ["z"], ["f"])
     program = translate(function, "long_one")
     assert program.text.count("static void") > 3

@@ -230,7 +230,7 @@ def test_stationary_moments_are_found_where_nothing_is_damped_at_first(tmp_path)
 def test_what_is_too_much_for_a_compiler_is_refused_in_a_sentence(tmp_path, monkeypatch):
     from cadet_sym.lowering import portable
 
-    monkeypatch.setattr(portable, "LARGEST", 10_000)
+    monkeypatch.setattr(portable, "LARGEST", 1000)
     compiled = cs.compile(loads(MIXED))
     with pytest.raises(ExportError, match=r"operations.*nodes.*`mix`"):
         compiled.export_c(tmp_path / "c")

@@ -17,13 +17,15 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from cadet_sym.export.calls import CalledFunctions
 from cadet_sym.export.description import equations_text
 from cadet_sym.export.fmu import check_fmu_tools, unit_files
 from cadet_sym.export.folder import check_folder, write_folder
+from cadet_sym.export.functions import Program
 from cadet_sym.export.ground import GroundTables, ground_tables, start_values
 from cadet_sym.export.matlab import matlab_text
 from cadet_sym.export.names import c_comment, c_string, identifiers, prefix_of
-from cadet_sym.export.program import Program, translate
+from cadet_sym.export.program import translate
 from cadet_sym.export.reference import Sample, reference_text, sample
 from cadet_sym.export.tables import array, constant, rows
 from cadet_sym.lowering.functions import MomentFunctions
@@ -47,6 +49,8 @@ SOURCES: Mapping[str, tuple[str, ...]] = {
     "_held": ("held", "held_jacobian", "held_outputs"),
     "_motion": ("start", "motion", "switches"),
 }
+
+AT_MOST = ", at most: expectations choose the order of their quadrature by the data"
 
 TEMPLATES = ("linear", "propagate", "stationary", "breakpoints")
 
@@ -94,12 +98,11 @@ def export_c(
     check_folder(path, force=force)
     if fmu:
         check_fmu_tools()
-    lowered = lowered.unrolled()
     written = library(lowered, run, prefix)
     library_files = written.files()
     files: dict[str, str | bytes] = {**library_files}
     if matlab:
-        files[f"{written.prefix}.m"] = matlab_text(lowered, run.p, run.start, written.prefix)
+        files[f"{written.prefix}.m"] = matlab_text(lowered.unrolled(), run.p, run.start, written.prefix)
     if fmu:
         nominals = {"nominals": rows(f"{size:g}" for size in written.sample.size)}
         templates = {name: written.filled(name, nominals) for name in ("unit.h", "fmi2.c", "fmi3.c")}
@@ -109,16 +112,15 @@ def export_c(
 
 def library(lowered: MomentFunctions, run: Run, prefix: str | None = None) -> Library:
     """Translate everything, write nothing."""
-    lowered = lowered.unrolled()
     model = lowered.equations.quasi_linear.system.model
     functions = portable(lowered)
     name = prefix_of(prefix or model.name or "model")
-    programs = {}
+    programs, calls = {}, CalledFunctions(name)
     for key in (key for keys in SOURCES.values() for key in keys):
         function = getattr(functions, key)
         moved = "_parts" if key in MOVED and functions.gain.nnz() else ""
-        programs[key] = translate(function, f"{name}_{function.name()}{moved}", SCALARS)
-    return Library(lowered, functions, programs, run, name)
+        programs[key] = translate(function, f"{name}_{function.name()}{moved}", SCALARS, calls)
+    return Library(lowered, functions, programs, calls, run, name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,6 +130,7 @@ class Library:
     lowered: MomentFunctions
     functions: PortableFunctions
     programs: Mapping[str, Program]
+    calls: CalledFunctions
     run: Run
     prefix: str
 
@@ -183,9 +186,14 @@ class Library:
         name = self.prefix
         found = {f"{name}.h": self.filled("header.h", self._header()), f"{name}_real.h": self.filled("real.h")}
         found[f"{name}.c"] = self._tables()
+        called = [each for program in self.programs.values() for each in program.called]
+        if called:
+            found[f"{name}_called.h"] = self.filled("called.h", {"prototypes": self.calls.header(called)})
+            found[f"{name}_called.c"] = self.filled("called.c", {"functions": self.calls.source(called)})
         for suffix, keys in SOURCES.items():
-            parts = [self.programs[key].text for key in keys]
-            found[f"{name}{suffix}.c"] = f'#include "{name}_real.h"\n\n' + "\n".join(parts)
+            parts = [self.programs[key] for key in keys]
+            include = "called" if any(part.called for part in parts) else "real"
+            found[f"{name}{suffix}.c"] = f'#include "{name}_{include}.h"\n\n' + "\n".join(part.text for part in parts)
         choices = {
             "switches": self._switches,
             "steady": int(self.steady),
@@ -255,6 +263,7 @@ class Library:
             "nonzeros": self.pattern.nnz(),
             "switches": self._switches,
             "distance": int(packing.distance),
+            "dependence": AT_MOST if self.calls.chooses else "; they do not depend on the data",
             "operations": "\n".join(f" * {line}" for line in self._costs()),
             "rate_operations": self._rate_operations,
             "output_operations": self.programs["outputs"].operations,
@@ -337,6 +346,8 @@ class Library:
                 "text": self.lowered.equations.quasi_linear.system.model.text,
                 "equations": equations,
                 "costs": costs,
+                "dependence": AT_MOST if self.calls.chooses else ", the same for all data",
+                "branches": " at most" if self.calls.chooses else " and no branch that depends on data",
                 "version": VERSION,
                 "casadi": CASADI_VERSION,
                 "size": packing.size,

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from cadet_sym.errors import ExportError
 from cadet_sym.export.names import c_comment
-from cadet_sym.export.program import operations
+from cadet_sym.export.steps import operations
 from cadet_sym.lowering.functions import MomentFunctions
 
 __all__ = ["matlab_text"]

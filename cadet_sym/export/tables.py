@@ -5,7 +5,27 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterable
 
-__all__ = ["array", "constant"]
+__all__ = ["Tables", "array", "constant"]
+
+NAME = "@table"
+"""Stands for the name of a table while it is told by its text whether it is there."""
+
+
+class Tables:
+    """Constants of one file, each table of them once."""
+
+    def __init__(self, prefix: str = "c") -> None:
+        self.prefix = prefix
+        self.names: dict[str, str] = {}  # by text
+
+    def add(self, type: str, values: Iterable[str]) -> str:
+        """The name of a table."""
+        return self.names.setdefault(array(f"static const {type} {NAME}", values), f"{self.prefix}{len(self.names)}")
+
+    @property
+    def text(self) -> str:
+        """All of them."""
+        return "".join(f"{text.replace(NAME, name)}\n" for text, name in self.names.items())
 
 
 def constant(value: float) -> str:

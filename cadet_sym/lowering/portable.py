@@ -1,4 +1,4 @@
-"""Turn the moment equations into functions that an exported program can carry: scalar operations and nothing else.
+"""Turn the moment equations into functions that an exported program can carry: scalar operations, and calls of functions.
 
 Besides the rate, its Jacobian and the outputs these are the rate at a held speed (whose zeros are the stationary
 moments), the motion, what the moments at the start are made of, and the functions whose changes of sign are the
@@ -20,6 +20,7 @@ from cadet_sym.delay import DelayGrid
 from cadet_sym.errors import ExportError
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.lowering.initial import filter_matrices, vehicle_start
+from cadet_sym.lowering.operations import size
 from cadet_sym.lowering.switches import switch_functions
 from cadet_sym.lowering.system import LoweredSystem
 
@@ -28,7 +29,7 @@ __all__ = ["PortableFunctions", "Settling", "StartParts", "portable"]
 
 @dataclass(frozen=True, eq=False)
 class PortableFunctions:
-    """Expanded CasADi functions; y is packed as in `packing.Packing`, p holds the parameters.
+    """CasADi functions of scalars; y is packed as in `packing.Packing`, p holds the parameters.
 
     With wheels that follow each other on one track, rates are those of what goes before the ground between them, and
     `parts` follow: the entries of N by `gain`, V/h and b of every gap. Jacobians come with that of the parts.
@@ -73,7 +74,7 @@ class StartParts:
 
 
 LARGEST = 200_000
-"""Operations of a rate that is exported: its Jacobian takes four times as many, a compiler minutes for both."""
+"""Operations of a rate that is exported, with those of what it calls: its Jacobian has four times as many, and takes a minute."""
 
 
 def portable(functions: MomentFunctions) -> PortableFunctions:
@@ -120,7 +121,7 @@ def portable(functions: MomentFunctions) -> PortableFunctions:
 
 
 def _check_size(functions: MomentFunctions, rate: ca.Function) -> None:
-    count = rate.n_instructions()
+    count = size(rate)
     if count <= LARGEST:
         return
     nodes, name = max(((e.describing.nodes or 0, e.name) for e in functions.equations.quasi_linear.elements), default=(0, ""))

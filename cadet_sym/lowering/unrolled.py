@@ -1,4 +1,4 @@
-"""Moment equations for where no function is called.
+"""Moment equations for where no function is called, as in MATLAB.
 
 An expectation that finds its order when it is called gets one for good, and sums over the rows of measured
 curves are written out.

@@ -3,7 +3,6 @@
 static void part_of_outputs_0(R t, const R *restrict y, const R *restrict p, R *restrict mean, R *restrict variance, R *restrict w)
 {
     (void)t;
-    (void)w;
     const R a0 = p[2] * y[1];
     const R a1 = y[0] + a0;
     const R a2 = a1 - y[2];
@@ -1553,7 +1552,6 @@ static void part_of_outputs_1(R t, const R *restrict y, const R *restrict p, R *
 {
     (void)t;
     (void)mean;
-    (void)w;
     const R a1500 = w[41] + w[42];
     const R a1501 = K(-7.688368129929841e-10) * w[40];
     const R a1502 = a1501 + K(-3.5282479379543805e-08);

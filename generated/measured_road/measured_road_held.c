@@ -796,7 +796,6 @@ static void part_of_held_jacobian_0(R t, R s, R V, const R *restrict y, const R 
 {
     (void)t;
     (void)s;
-    (void)w;
     const R a0 = y[0] - p[5];
     const R a1 = a0 - y[1];
     w[0] = a1;
@@ -2436,7 +2435,6 @@ static void part_of_held_jacobian_1(R t, R s, R V, const R *restrict y, const R 
 {
     (void)t;
     (void)s;
-    (void)w;
     const R a1500 = w[131] - w[132];
     values[54] = a1500;
     const R a1502 = y[9] * w[128];
@@ -3538,7 +3536,6 @@ static void part_of_held_outputs_0(R t, R s, R V, const R *restrict y, const R *
     (void)t;
     (void)s;
     (void)V;
-    (void)w;
     const R a0 = y[0] - y[1];
     mean[0] = a0;
     const R a2 = y[0] - p[5];
@@ -5074,7 +5071,6 @@ static void part_of_held_outputs_1(R t, R s, R V, const R *restrict y, const R *
     (void)V;
     (void)y;
     (void)mean;
-    (void)w;
     const R a1500 = w[25] * w[8];
     const R a1501 = w[24] + a1500;
     const R a1502 = w[9] * w[22];

@@ -3,7 +3,6 @@
 static void part_of_jacobian_0(R t, const R *restrict y, const R *restrict p, R *restrict values, R *restrict w)
 {
     (void)t;
-    (void)w;
     const R a0 = y[0] - p[5];
     const R a1 = a0 - y[1];
     w[0] = a1;
@@ -1642,7 +1641,6 @@ static void part_of_jacobian_0(R t, const R *restrict y, const R *restrict p, R 
 static void part_of_jacobian_1(R t, const R *restrict y, const R *restrict p, R *restrict values, R *restrict w)
 {
     (void)t;
-    (void)w;
     const R a1500 = w[131] - w[132];
     values[54] = a1500;
     const R a1502 = y[9] * w[128];

@@ -3,7 +3,6 @@
 static void part_of_outputs_0(R t, const R *restrict y, const R *restrict p, R *restrict mean, R *restrict variance, R *restrict w)
 {
     (void)t;
-    (void)w;
     const R a0 = y[0] - y[1];
     mean[0] = a0;
     const R a2 = y[0] - p[5];
@@ -1537,7 +1536,6 @@ static void part_of_outputs_1(R t, const R *restrict y, const R *restrict p, R *
     (void)t;
     (void)y;
     (void)mean;
-    (void)w;
     const R a1500 = w[25] * w[8];
     const R a1501 = w[24] + a1500;
     const R a1502 = w[9] * w[22];

@@ -540,7 +540,6 @@ static void part_of_held_jacobian_0(R t, R s, R V, const R *restrict y, const R 
 {
     (void)t;
     (void)s;
-    (void)w;
     const R a0 = p[2] / p[0];
     const R a1 = -a0;
     values[0] = a1;
@@ -2172,7 +2171,6 @@ static void part_of_held_jacobian_1(R t, R s, R V, const R *restrict y, const R 
 {
     (void)t;
     (void)s;
-    (void)w;
     const R a1500 = w[57] * w[124];
     const R a1501 = w[61] * w[123];
     const R a1502 = a1500 + a1501;

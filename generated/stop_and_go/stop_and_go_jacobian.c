@@ -2,7 +2,6 @@
 
 static void part_of_jacobian_0(R t, const R *restrict y, const R *restrict p, R *restrict values, R *restrict w)
 {
-    (void)w;
     const R a0 = p[2] / p[0];
     const R a1 = -a0;
     values[0] = a1;
@@ -1629,7 +1628,6 @@ static void part_of_jacobian_0(R t, const R *restrict y, const R *restrict p, R 
 static void part_of_jacobian_1(R t, const R *restrict y, const R *restrict p, R *restrict values, R *restrict w)
 {
     (void)t;
-    (void)w;
     const R a1500 = -w[120];
     const R a1501 = w[1] != K(0.0) ? a1500 : K(0.0);
     const R a1502 = w[50] != K(0.0) ? a1501 : K(0.0);

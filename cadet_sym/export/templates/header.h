@@ -34,7 +34,7 @@ enum {
     @P@_SWITCHES = @switches@ /* functions of t and s whose sign changes at a breakpoint */
 };
 
-/* Operations of one evaluation; they do not depend on the data.
+/* Operations of one evaluation@dependence@.
 @operations@
  */
 enum {

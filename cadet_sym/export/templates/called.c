@@ -1,0 +1,3 @@
+#include "@p@_called.h"
+
+@functions@
