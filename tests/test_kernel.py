@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from conftest import ROOT
+from reference_models import toml
 
 import cadet_sym as cs
 from cadet_sym.delay import transport_matrix
@@ -18,6 +19,7 @@ from cadet_sym.lowering.blas import multiplication
 from cadet_sym.lowering.kernel import Vector, kernel, kernel_text, part
 from cadet_sym.packing import Packing
 from cadet_sym.solve import backward, improved, native, runge_kutta
+from cadet_sym.solve import stiff as stiff_runs
 from cadet_sym.solve.breakdown import Breakdown
 from cadet_sym.solve.implicit import Inverse, PackedIndex, scaled_form
 from cadet_sym.solve.native import FEW, MANY, Native, _march_all, _rest
@@ -354,7 +356,7 @@ def test_a_stiff_run_as_machine_code_is_the_one_of_python():
 
     form, state = stiff._form(0.0, y), np.zeros(backward.STATE)
     state[8], state[9] = 1.0, -1.0
-    work, found = np.zeros(1 + backward.VECTORS * 2 + improved.MATRICES + 2 + 152), np.zeros(4)
+    work, found = np.zeros(backward.room_of(2, 1)), np.zeros(4)
     tolerance, inverse = (stiff.tolerance.size, 1e-5, 1e-2), (form.matrices, form.modes, form.pairs)
     status = backward.carry(
         rate, multiplied, grid, 2, y.copy(), 2, 1, np.zeros(1), *tolerance, 1.0, 1000, *inverse, work, found, state, 1
@@ -388,3 +390,25 @@ def test_the_choice_goes_by_stiffness():
         model = cs.Model(vehicle, noise=noise, parameters={k: value}, duration=20)
         names[value] = cs.compile(model).propagate(points=3).provenance.engine
     assert names == {1.0: Native.name, 1e6: Stiff.name}
+
+
+def test_a_stiff_run_takes_hardly_more_rates_than_steps(monkeypatch):
+    """How Newton's method converges is looked at anew only when what was seen of it has aged; and nothing is lost by that."""
+    rates = {f"x{i}": f"{10.0**i}*(-x{i} - x{i}**3/100{f' + x{i - 1}/4' if i else ''}) + w{i}" for i in range(6)}
+    lines = "\n".join(f'{name} = "{rate}"' for name, rate in rates.items())
+    noises = "\n".join(f"w{i} = 1.0" for i in range(6))
+    compiled = cs.compile(toml(f'name = "lags"\n[rates]\n{lines}\n[noise]\n{noises}\n[run]\nduration = 20.0\npoints = 21'))
+    carry, seen = stiff_runs._carry(), []
+
+    def watched(*given):
+        status = carry(*given)
+        seen.append(np.ctypeslib.as_array(ctypes.cast(given[-2], ctypes.POINTER(ctypes.c_double)), (backward.STATE,)).copy())
+        return status
+
+    monkeypatch.setattr(stiff_runs, "_carry", lambda: watched)
+    found = compiled.propagate(rtol=1e-6, engine="stiff")
+    steps, rates_taken = seen[-1][4], seen[-1][6]
+    assert steps < rates_taken < 1.15 * steps
+    precise = compiled.propagate(rtol=1e-10, engine="stiff")
+    scale = np.sqrt(precise.variance.values.max(axis=0))
+    assert (np.abs(found.state_covariance - precise.state_covariance) / np.outer(scale, scale)).max() < 1e-5

@@ -14,11 +14,15 @@ from cadet_sym.lowering.kernel import Function, Vector, isfinite, part, sqrt
 from cadet_sym.solve.breakdown import STALLED, TOO_MANY
 from cadet_sym.solve.improved import MATRICES, PAIRS, apply, improve, invert, learn, upper, weigh
 
-__all__ = ["MATRICES", "PROCEDURES", "REFRESH", "STATE", "VECTORS", "carry"]
+__all__ = ["HEAD", "PROCEDURES", "REFRESH", "STATE", "carry", "room_of"]
 
 HIGHEST = 5  # order
 ROWS = HIGHEST + 3  # of backward differences
 VECTORS = ROWS + 7 + 2 * PAIRS  # of working space, as long as y
+
+HEAD, LINE = 16, 8
+"""Numbers before them, the time and from the second line on sums; and in a line of the processor's cache."""
+
 STATE = 15
 """Numbers that last from call to call: time, step, order, equal steps, then as `carry` says."""
 
@@ -35,12 +39,20 @@ ITERATIONS = 5
 CONVERGED = 0.05
 """... until what is left is this share of what a step may err by."""
 
+AGEING, QUICKEST = 10.0, 1e-5
+"""What was seen of Newton's convergence, at best the second, is worth so many times less after each other length of step."""
+
 STALE = 0.3
 """Where an iteration leaves more than this of what is wrong, the form of another place does not serve any longer."""
 
 
 NEAR = 256
 """Entries of all differences that are worked on at once: as many as the nearest part of the processor's cache holds."""
+
+
+def room_of(size: int, n: int) -> int:
+    """Numbers of working space for vectors of a size and n states."""
+    return HEAD + VECTORS * (-(-size // LINE) * LINE) + MATRICES * n * n + 2 * n + 152
 
 
 def predict(differences: Vector, order: int, alpha: float, size: int, value: Vector, known: Vector) -> int:
@@ -115,23 +127,21 @@ def rescale(differences: Vector, order: int, factor: float, size: int, small: Ve
     return 0
 
 
-def share(x: Vector, allowed: Vector, size: int) -> float:
+def share(x: Vector, allowed: Vector, size: int, sums: Vector) -> float:
     """Root mean square of x over what it may be; `allowed` holds inverses."""
-    one = 0.0
-    two = 0.0
-    three = 0.0
-    four = 0.0
-    i = 0
-    while i + 3 < size:  # four sums, none of which waits for another
-        one += (x[i] * allowed[i]) * (x[i] * allowed[i])
-        two += (x[i + 1] * allowed[i + 1]) * (x[i + 1] * allowed[i + 1])
-        three += (x[i + 2] * allowed[i + 2]) * (x[i + 2] * allowed[i + 2])
-        four += (x[i + 3] * allowed[i + 3]) * (x[i + 3] * allowed[i + 3])
-        i += 4
-    while i < size:
-        one += (x[i] * allowed[i]) * (x[i] * allowed[i])
-        i += 1
-    return sqrt(((one + two) + (three + four)) / float(size))
+    for k in range(LINE):  # as many sums, none of which waits for another
+        sums[k] = 0.0
+    for block in range(size // LINE):
+        these = part(x, block * LINE)
+        weights = part(allowed, block * LINE)
+        for k in range(LINE):
+            sums[k] += (these[k] * weights[k]) * (these[k] * weights[k])
+    total = 0.0
+    for k in range(LINE):
+        total += sums[k]
+    for i in range(size // LINE * LINE, size):
+        total += (x[i] * allowed[i]) * (x[i] * allowed[i])
+    return sqrt(total / float(size))
 
 
 NOISE = 1e-6
@@ -155,7 +165,7 @@ def carry(
     latest : the last time at which the inputs are those of this stretch.
     form, modes, pairs : the modal form of N (see `weigh` and `invert`), and 1 if any of the modes is one of a pair.
     multiply : see `invert`.
-    work : (1 + VECTORS size + MATRICES n^2 + 2 n + 152,). found : (points, size), one after the other.
+    work : as many zeros as `room_of` says. found : (points, size), one after the other.
     state : (STATE,) time, step, order, equal steps, steps, steps refused, rates, points found, whether the form is of here,
         the g of the weights, how fast Newton's method converged, whether it has begun, updates of the inverse,
         whether gains react strongly, whether it was seen with these weights how fast Newton's method converges.
@@ -164,16 +174,18 @@ def carry(
     -------
     0; TOO_MANY steps; STALLED, where they shrink to nothing; or REFRESH: call again with another form.
     """
-    differences = part(work, 1)
-    change = part(differences, ROWS * size)
-    value = part(change, size)
-    slope = part(value, size)
-    move = part(slope, size)
-    known = part(move, size)
-    allowed = part(known, size)
-    earlier = part(allowed, size)
-    updates = part(earlier, size)
-    room = part(updates, 2 * PAIRS * size)
+    wide = (size + LINE - 1) // LINE * LINE  # all vectors begin where a line does
+    sums = part(work, LINE)
+    differences = part(work, HEAD)
+    change = part(differences, ROWS * wide)
+    value = part(change, wide)
+    slope = part(value, wide)
+    move = part(slope, wide)
+    known = part(move, wide)
+    allowed = part(known, wide)
+    earlier = part(allowed, wide)
+    updates = part(earlier, wide)
+    room = part(updates, 2 * PAIRS * wide)
     along_room = MATRICES * n * n + 2 * n + 3
     small = part(room, along_room)
     last = grid[points - 1]
@@ -197,13 +209,13 @@ def carry(
         order = 1
         for i in range(size):
             differences[i] = y[i]
-            differences[size + i] = h * slope[i]
+            differences[wide + i] = h * slope[i]
         state[3] = 0.0
         state[9] = -1.0
         state[11] = 1.0
     while state[4] + state[5] < float(most):
         if t + h >= last or t + 1.0001 * h >= last:
-            rescale(differences, order, (last - t) / h, size, small, change)
+            rescale(differences, order, (last - t) / h, wide, small, change)
             h = last - t
             state[3] = 0.0
         state[0] = t
@@ -214,19 +226,21 @@ def carry(
         ends = t + 1.0001 * h >= last
         after = last if ends else t + h
         alpha = (1.0 - KAPPA[order]) * GAMMA[order]
-        predict(differences, order, alpha, size, value, known)
+        predict(differences, order, alpha, wide, value, known)
         for i in range(size):
             change[i] = 0.0
             allowed[i] = 1.0 / (relative * (abs(value[i]) + absolute * sizes[i]))
         g = h / alpha
         least = 1
         if g != state[9]:
-            if state[14] == 0.0:
-                least = 2  # or what an outdated form calls small would pass for converged; of two step lengths one tells
-            state[14] = 0.0
             weigh(room, part(room, MATRICES * n * n), modes, n, g)
-            state[10] = min(1.0, state[10] * max(1.0, g / state[9])) if state[9] > 0.0 else 1.0
+            if state[9] > 0.0:
+                state[10] = min(1.0, AGEING * max(state[10], QUICKEST) * max(1.0, g / state[9]))
+            else:
+                state[10] = 1.0
+                least = 2  # or what an outdated form calls small would pass for converged
             state[9] = g
+            state[14] = 0.0
         work[0] = min(after, latest)
         before = 0.0
         converged = False
@@ -241,7 +255,7 @@ def carry(
                 at = block * (size // blocks)
                 invert(multiply, part(slope, at), part(move, at), size // blocks, n, form, modes, pairs, room)
             improve(updates, int(state[12]), move, size)
-            length = share(move, allowed, size)
+            length = share(move, allowed, size, sums)
             if not isfinite(length):
                 break
             left = 1.0
@@ -249,14 +263,14 @@ def carry(
                 left = min(1.0, length / before)
                 if length > 2.0 * before:
                     break
-                state[10] = max(0.3 * state[10], length / before)
+                state[10] = max(0.3 * state[14] * state[10], length / before)
                 state[14] = 1.0
                 if length > STALE * before and before > NOISE:
                     if state[8] == 0.0 and (k > 1 or state[12] == 0.0):
                         break
                     if int(state[12]) < PAIRS:  # where a fresh form does no better
                         state[12] = float(learn(updates, int(state[12]), earlier, move, allowed, size))
-                        length = share(move, allowed, size)
+                        length = share(move, allowed, size, sums)
             for i in range(size):
                 value[i] += move[i]
                 change[i] += move[i]
@@ -276,20 +290,18 @@ def carry(
                 return REFRESH
             state[12] = 0.0
             state[5] += 1.0
-            rescale(differences, order, 0.5, size, small, change)
+            rescale(differences, order, 0.5, wide, small, change)
             h *= 0.5
             state[3] = 0.0
             continue
         safety = 0.9 * float(2 * ITERATIONS + 1) / float(2 * ITERATIONS + tries)
         constant = KAPPA[order] * GAMMA[order] + 1.0 / float(order + 1)
-        for i in range(size):
-            allowed[i] = 1.0 / (relative * (abs(value[i]) + absolute * sizes[i]))
-        wrong = constant * share(change, allowed, size)
+        wrong = constant * share(change, allowed, size, sums)
         wrong = abs(wrong)
         if wrong > 1.0:
             state[5] += 1.0
             factor = max(0.2, safety * wrong ** (-1.0 / float(order + 1)))
-            rescale(differences, order, factor, size, small, change)
+            rescale(differences, order, factor, wide, small, change)
             h *= factor
             state[3] = 0.0
             continue
@@ -297,7 +309,7 @@ def carry(
         state[3] += 1.0
         state[8] = 0.0
         t = after
-        advance(differences, order, size, change)
+        advance(differences, order, wide, change)
         point = int(state[7])
         while point < points and grid[point] <= t:
             row = part(found, point * size)
@@ -307,7 +319,7 @@ def carry(
             for k in range(order):
                 weight *= (grid[point] - (t - h * float(k))) / (h * float(k + 1))
                 for i in range(size):
-                    row[i] += weight * differences[(k + 1) * size + i]
+                    row[i] += weight * differences[(k + 1) * wide + i]
             point += 1
         state[7] = float(point)
         if point == points:
@@ -321,7 +333,7 @@ def carry(
         higher = order
         if order > 1:
             lower_wrong = abs(KAPPA[order - 1] * GAMMA[order - 1] + 1.0 / float(order)) * share(
-                part(differences, order * size), allowed, size
+                part(differences, order * wide), allowed, size, sums
             )
             lower = lower_wrong ** (-1.0 / float(order)) if lower_wrong > 1e-10 else 1e3
             if lower > best:
@@ -329,7 +341,7 @@ def carry(
                 higher = order - 1
         if order < HIGHEST:
             upper_wrong = abs(KAPPA[order + 1] * GAMMA[order + 1] + 1.0 / float(order + 2)) * share(
-                part(differences, (order + 2) * size), allowed, size
+                part(differences, (order + 2) * wide), allowed, size, sums
             )
             upper = upper_wrong ** (-1.0 / float(order + 2)) if upper_wrong > 1e-10 else 1e3
             if upper > best:
@@ -337,7 +349,7 @@ def carry(
                 higher = order + 1
         order = higher
         factor = min(10.0, safety * best)
-        rescale(differences, order, factor, size, small, change)
+        rescale(differences, order, factor, wide, small, change)
         h *= factor
         state[3] = 0.0
     return TOO_MANY

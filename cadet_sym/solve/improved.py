@@ -103,10 +103,13 @@ def invert(
     apply(right_turned, inner, z, n)
     k = n
     for j in range(n):
+        row = part(full, j * n)
+        column = part(r, k - j)
         for i in range(j, n):
-            full[j * n + i] = r[k]
-            full[i * n + j] = r[k]
-            k += 1
+            row[i] = column[i]
+        for i in range(j + 1, n):
+            full[i * n + j] = column[i]
+        k += n - j
     multiply(shape, left, full, half)
     first = upper(multiply, half, left_turned, inner, n, shape)
     for i in range(first, n):

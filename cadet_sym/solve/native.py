@@ -31,6 +31,7 @@ __all__ = [
     "Made",
     "Marched",
     "Native",
+    "aligned_zeros",
     "has_machine_code",
     "have_machine_code",
     "made_ready",
@@ -125,7 +126,7 @@ def march_made(
 
     def some(part: slice) -> None:
         travel = np.concatenate([ways[times] for times in edges[part]])
-        work = _zeros((WORK + 1) * made.n + HEAD + p.shape[1] + whole)
+        work = aligned_zeros((WORK + 1) * made.n + HEAD + p.shape[1] + whole)
         _march_all(made.lanes)(
             made.rate, part.stop - part.start, address(grid), k, address(here[part]), whole, made.places, made.entries, made.n,
             address(p[part]), p.shape[1], address(size[part] if size.ndim > 1 else size), whole * (size.ndim - 1),
@@ -229,7 +230,7 @@ def _march_all(lanes: int) -> Any:
     return kernel(*PROCEDURES, lanes=lanes, plain=True).function("march_all", *runs, *tolerance, *rest, returns=integer)
 
 
-def _zeros(count: int) -> Array:
+def aligned_zeros(count: int) -> Array:
     """A vector of zeros that begins where a line of the processor's cache does."""
     room = np.zeros(count + LINE)
     first = -(address(room) // room.itemsize) % LINE

@@ -18,12 +18,12 @@ from cadet_sym.lowering.blas import multiplication
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.lowering.kernel import kernel
 from cadet_sym.memory import Memory
-from cadet_sym.solve.backward import MATRICES, PROCEDURES, REFRESH, STATE, VECTORS
+from cadet_sym.solve.backward import HEAD, PROCEDURES, REFRESH, STATE, room_of
 from cadet_sym.solve.breakdown import STALLED, Breakdown, settled
 from cadet_sym.solve.evaluate import behind, gains
 from cadet_sym.solve.implicit import scaled_form
 from cadet_sym.solve.lyapunov import ModalForm
-from cadet_sym.solve.native import MANY
+from cadet_sym.solve.native import MANY, aligned_zeros
 from cadet_sym.solve.scales import Tolerance
 from cadet_sym.solve.threads import one_thread
 
@@ -59,7 +59,7 @@ class Stiff:
         rate = self._rate()
         n, size = self.lowered.facts.packing.n, len(y)
         x, given, times = y.copy(), self._given(), np.ascontiguousarray(grid, dtype=float)
-        work = np.zeros(1 + VECTORS * size + MATRICES * n * n + 2 * n + 152)
+        work = aligned_zeros(room_of(size, n))
         found, state, sizes = np.empty((len(grid), size)), np.zeros(STATE), np.ascontiguousarray(self.tolerance.size)
         state[0], latest, status = begin, np.nextafter(times[-1], begin), REFRESH
         forms, most = 0, min(STEPS, self.tolerance.steps)
@@ -78,7 +78,7 @@ class Stiff:
                     found.ctypes.data, state.ctypes.data, self.blocks,
                 )  # fmt: skip
         self.steps += int(state[4])
-        return settled(found, status, int(state[7]), float(state[0]), work[1 : 1 + size].copy())
+        return settled(found, status, int(state[7]), float(state[0]), work[HEAD : HEAD + size].copy())
 
     @property
     def blocks(self) -> int:
@@ -135,8 +135,10 @@ def modal_arrays(form: ModalForm, scale: Array) -> ModalArrays:
     partner[form.first], partner[form.first + 1] = form.first + 1, form.first
     sign[form.first], sign[form.first + 1] = 1.0, -1.0
     left, right, values = form.inverse / scale, scale[:, None] * form.basis, form.eigenvalues
+    matrices = aligned_zeros(4 * n * n)
+    np.concatenate([part.ravel() for part in (left, left.T, right, right.T)], out=matrices)
     return ModalArrays(
-        np.concatenate([part.ravel() for part in (left, left.T, right, right.T)]),
+        matrices,
         np.concatenate([np.real(values), np.abs(np.imag(values)), sign, partner]),
         int(sign.any()),
     )
