@@ -171,6 +171,8 @@ def test_random_columns_keep_every_bit(tmp_path, seed):
 def test_parts_of_vectors_are_handed_over_where_they_are():
     y, a = ca.SX.sym("y", 6), ca.MX.sym("a", 3)
     called = ca.Function("inner", [a], [a * 2], {"never_inline": True})
-    program = translate(ca.Function("f", [y], [called(called(y[1:4]))], ["y"], ["r"]), "f", calls=CalledFunctions("of"))
+    results = called(called(y[1:4])) + called(ca.SX([1, 2, 3]))
+    program = translate(ca.Function("f", [y], [results], ["y"], ["r"]), "f", calls=CalledFunctions("of"))
     assert "of_inner_0(y + 1, w + 0);" in program.text
     assert "of_inner_0(w + 0, w + 3);" in program.text
+    assert "of_inner_0(f_c0, w + 6);" in program.text

@@ -14,7 +14,7 @@ from itertools import pairwise
 
 from cadet_sym.export.steps import Step
 
-__all__ = ["SUM", "Block", "Loops", "needed", "rolled", "straight"]
+__all__ = ["SUM", "Block", "Loops", "is_constant", "needed", "rolled", "straight"]
 
 FEWEST = 12
 """Passes of a loop, and terms of a sum."""
@@ -120,18 +120,19 @@ def _shaped(steps: Sequence[Step]) -> tuple[list[Step], list[int]]:
 
 def _kind(text: str, common: set[str]) -> str:
     """Of what is not made by a step: the vector it is an entry of, a constant, or itself."""
-    if _is_constant(text):
+    if is_constant(text):
         return text if text in common else "constant"
     return text.partition("[")[0]
 
 
-def _is_constant(text: str) -> bool:
+def is_constant(text: str) -> bool:
+    """Whether an operand is a number, not an entry of a vector or an argument passed by value."""
     return "(" in text
 
 
 def _common(steps: Sequence[Step]) -> set[str]:
     """Constants that are met often."""
-    counts = Counter(x for step in steps for x in step.operands if isinstance(x, str) and _is_constant(x))
+    counts = Counter(x for step in steps for x in step.operands if isinstance(x, str) and is_constant(x))
     return {x for x, count in counts.items() if count >= COMMON * counts.total()}
 
 

@@ -10,7 +10,7 @@ import casadi as ca
 
 from cadet_sym.errors import ExportError
 from cadet_sym.export.functions import Calls, Program, call, sizes_of
-from cadet_sym.export.rolled import SUM, Block, Loops
+from cadet_sym.export.rolled import SUM, Block, Loops, is_constant
 from cadet_sym.export.steps import OPERATIONS, Step
 from cadet_sym.export.tables import Tables
 
@@ -212,6 +212,8 @@ class Writer:
             vector, places = names.pop(), [int(str(x).partition("[")[2][:-1]) for x in operands]
             if names:
                 return None
+        elif all(isinstance(x, str) and is_constant(x) for x in operands):
+            return self.tables.add("R", map(str, operands))
         else:
             return None
         return f"{vector} + {places[0]}" if all(j - i == 1 for i, j in pairwise(places)) else None

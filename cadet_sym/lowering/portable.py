@@ -74,7 +74,7 @@ class StartParts:
 
 
 LARGEST = 200_000
-"""Operations of a rate that is exported, with those of what it calls: its Jacobian has four times as many, and takes a minute."""
+"""Operations of a rate that is exported, with those of what it calls: its Jacobian has four times as many."""
 
 
 def portable(functions: MomentFunctions) -> PortableFunctions:
