@@ -19,7 +19,7 @@ from cadet_sym.solve.freeze import Conditions, conditions
 from cadet_sym.solve.freeze import freeze as hold
 from cadet_sym.solve.named import name_moments
 from cadet_sym.stationary import rest
-from cadet_sym.tables import aligned, plain
+from cadet_sym.tables import Shown, aligned, plain
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -75,8 +75,8 @@ class SolutionBranch(NamedMoments):
         }
 
 
-@dataclass(frozen=True, eq=False)
-class SolutionBranches(Sequence[SolutionBranch]):
+@dataclass(frozen=True, eq=False, repr=False)
+class SolutionBranches(Shown, Sequence[SolutionBranch]):
     """All curves of stationary moments that were found over the range of one parameter."""
 
     model: str

@@ -21,6 +21,7 @@ from cadet_sym.runs import Names, Runs, output_times, run_all, run_cycle, starts
 from cadet_sym.solutions import StationaryMoments, StationarySolutions
 from cadet_sym.solve.breakpoints import find_breakpoints
 from cadet_sym.solve.start import initial_moments
+from cadet_sym.tables import Shown
 
 if TYPE_CHECKING:
     from cadet_sym.language.model import Model
@@ -66,11 +67,16 @@ def compile(
     return CompiledModel(made)
 
 
-@dataclass(frozen=True, eq=False)
-class CompiledModel:
+@dataclass(frozen=True, eq=False, repr=False)
+class CompiledModel(Shown):
     """A model whose moment equations are ready to be integrated, solved for their fixed points, or exported."""
 
     _made: Compiled
+
+    def __str__(self) -> str:
+        kinds = {"states": self.states, "outputs": self.outputs, "parameters": self.parameters}
+        lines = (f"  {kind}: {', '.join(names)}" for kind, names in kinds.items() if names)
+        return "\n".join([f"{self.declaration.name}: {self.packing.moments} moment equations", *lines])
 
     @property
     def functions(self) -> MomentFunctions:

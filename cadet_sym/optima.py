@@ -11,7 +11,7 @@ import numpy as np
 
 from cadet_sym.files import save_as
 from cadet_sym.solutions import StationaryMoments
-from cadet_sym.tables import aligned, plain
+from cadet_sym.tables import Shown, aligned, plain
 
 __all__ = ["ConstraintState", "Optimum", "TradeOff"]
 
@@ -30,8 +30,8 @@ class ConstraintState:
         return self.multiplier != 0.0
 
 
-@dataclass(frozen=True, eq=False)
-class Optimum:
+@dataclass(frozen=True, eq=False, repr=False)
+class Optimum(Shown):
     """The best parameters found, and the stationary moments with them."""
 
     minimise: str
@@ -86,8 +86,8 @@ class Optimum:
         return "\n".join([*lines, self.message])
 
 
-@dataclass(frozen=True, eq=False)
-class TradeOff:
+@dataclass(frozen=True, eq=False, repr=False)
+class TradeOff(Shown):
     """The least of one statistic for each limit on another."""
 
     minimise: str

@@ -16,7 +16,7 @@ import numpy as np
 from cadet_sym.errors import ModelError
 from cadet_sym.files import save_as
 from cadet_sym.labelled import Labelled, LabelledCovariance
-from cadet_sym.tables import aligned, html, plain
+from cadet_sym.tables import Shown, aligned, html, plain
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -113,8 +113,8 @@ class NamedMoments:
         return columns | {f"variance {name}": self.variance[name] for name in self.outputs}
 
 
-@dataclass(frozen=True, eq=False)
-class MomentHistory(NamedMoments):
+@dataclass(frozen=True, eq=False, repr=False)
+class MomentHistory(Shown, NamedMoments):
     """Mean and zero-lag covariance of every state, mean and variance of every output, against time."""
 
     model: str
@@ -233,7 +233,7 @@ class MomentHistory(NamedMoments):
         return html(title, ["", "mean", "variance", "std"], rows, provenance_line(self.provenance))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PeriodicMoments(MomentHistory):
     """One period of moments that repeat, from t = 0 on."""
 

@@ -15,7 +15,7 @@ import numpy as np
 from cadet_sym.errors import SolverError
 from cadet_sym.files import save_as
 from cadet_sym.results import NamedMoments, Provenance, coordinates, freeze, provenance_line
-from cadet_sym.tables import aligned, html, plain
+from cadet_sym.tables import Shown, aligned, html, plain
 from cadet_sym.warning import warn
 
 if TYPE_CHECKING:
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 __all__ = ["StationaryMoments", "StationarySolutions", "StationarySweep", "search_along"]
 
 
-@dataclass(frozen=True, eq=False)
-class StationaryMoments(NamedMoments):
+@dataclass(frozen=True, eq=False, repr=False)
+class StationaryMoments(Shown, NamedMoments):
     """One fixed point of the moment equations: mean and covariance that stay as they are."""
 
     model: str
@@ -91,8 +91,8 @@ class StationaryMoments(NamedMoments):
         return html(title, ["", "mean", "variance", "std"], self._rows(), provenance_line(self.provenance))
 
 
-@dataclass(frozen=True, eq=False)
-class StationarySolutions(Sequence[StationaryMoments]):
+@dataclass(frozen=True, eq=False, repr=False)
+class StationarySolutions(Shown, Sequence[StationaryMoments]):
     """The stationary solutions found at one setting of the parameters, stable ones first."""
 
     solutions: tuple[StationaryMoments, ...]
@@ -128,8 +128,8 @@ class StationarySolutions(Sequence[StationaryMoments]):
         return "".join(each._repr_html_() for each in self.solutions)
 
 
-@dataclass(frozen=True, eq=False)
-class StationarySweep:
+@dataclass(frozen=True, eq=False, repr=False)
+class StationarySweep(Shown):
     """Stationary solutions along the values of one parameter; where none was found, an empty list."""
 
     model: str
@@ -140,6 +140,15 @@ class StationarySweep:
 
     def __post_init__(self) -> None:
         freeze(self, "values", (len(self.solutions),))
+
+    def __str__(self) -> str:
+        title = f"Stationary moments of {self.model} for {self.parameter} from {self.values[0]:g} to {self.values[-1]:g}"
+        rows, names = [], (self.found[0].outputs or self.found[0].states)[:3] if self.found else ()
+        for value, each in zip(self.values_found, self.found, strict=True):
+            numbers = (f"{each.std[name]:.6g}" for name in names)
+            rows.append([f"{value:g}", each.judgement.partition(",")[0], *numbers])
+        header = [self.parameter, "", *(f"std {name}" for name in names)]
+        return "\n".join([title, *aligned(header, rows), *(f"{value:g}: {text}" for value, text in self.failures.items())])
 
     @property
     def found(self) -> tuple[StationaryMoments, ...]:

@@ -11,13 +11,15 @@ from __future__ import annotations
 
 import itertools
 import os
+import pickle
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from time import perf_counter
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -31,6 +33,7 @@ from cadet_sym.memory import Memory
 from cadet_sym.results import MomentHistory
 from cadet_sym.runs import Run, Runs
 from cadet_sym.solve.transient import Trajectory
+from cadet_sym.tables import Shown, aligned
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -53,6 +56,9 @@ SHARE = 8
 
 CHUNK = 25
 """Points handed over to another process at once, at most."""
+
+LISTED = 10
+"""Runs of which a sweep prints something, at most."""
 
 ROOM = 10_000_000
 """Numbers that the runs done at once may hold."""
@@ -80,8 +86,8 @@ def _history(place: Place) -> MomentHistory | None:
     return runs[k]
 
 
-@dataclass(frozen=True, eq=False)
-class Sweep:
+@dataclass(frozen=True, eq=False, repr=False)
+class Sweep(Shown):
     """The runs of a sweep in the order of its points; None where one failed."""
 
     model: str
@@ -96,6 +102,24 @@ class Sweep:
 
     def __getitem__(self, index: int) -> MomentHistory | None:
         return self.histories[index]
+
+    def __str__(self) -> str:
+        """The last of every run, of the first and last few where they are many."""
+        count, edge = len(self), LISTED // 2
+        found = next((history for history in self.histories if history is not None), None)
+        names = (found.outputs or found.states)[:3] if found is not None else ()
+        rows = []
+        for i in range(count) if count <= LISTED else (*range(edge), *range(count - edge, count)):
+            history = self[i]
+            numbers = ["failed"] * len(names) if history is None else [f"{history.std[name][-1]:.6g}" for name in names]
+            rows.append([*(f"{value:g}" for value in self.points[i]), *numbers])
+        if count > LISTED:
+            rows.insert(edge, ["..."] + [""] * (len(rows[0]) - 1))
+        title = f"Sweep of {self.model} over {', '.join(self.parameters)}: {count} runs"
+        title += f", {len(self.failures)} of them failed" if self.failures else ""
+        end = f", t = {found.time[-1]:g}" if found is not None and len(found.time) else ""
+        header = [*self.parameters, *(f"std {name}{end}" for name in names)]
+        return "\n".join([title, *aligned(header, rows), *list(self.failures.values())[:3]])
 
     def to_xarray(self) -> xr.Dataset:
         """All moments in one data set: a dimension a parameter, or `sample` for samples; NaN where a run failed."""
@@ -256,7 +280,8 @@ def _results(task: _Task, points: Array, executor: Any, workers: int | None) -> 
         most = workers or os.cpu_count() or 1
         chunks = most * max(4, -(-(count - done) // (most * CHUNK)))  # as much for each
         edges = sorted({done + (count - done) * k // chunks for k in range(chunks + 1)})
-        futures = [pool.submit(task.some, a, points[a:b]) for a, b in itertools.pairwise(edges)]
+        with _apart_from_script(task) if executor is None else nullcontext():
+            futures = [pool.submit(task.some, a, points[a:b]) for a, b in itertools.pairwise(edges)]
         try:
             for future in _completed(futures):
                 yield from future.result()
@@ -289,6 +314,21 @@ def _pool(executor: Any, workers: int | None) -> Iterator[Any]:
 
         with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
             yield pool
+
+
+@contextmanager
+def _apart_from_script(task: _Task) -> Iterator[None]:
+    """Processes that start meanwhile do not run the user's script again, which need not be guarded by `__name__` then.
+
+    What they are sent is made of this package's classes; if one of the script's own is among it they need the script.
+    """
+    script = sys.modules["__main__"]
+    if b"__main__" not in pickle.dumps(task):
+        sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = script
 
 
 def _completed(waiting: Sequence[Any]) -> Iterator[Any]:

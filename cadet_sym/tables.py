@@ -8,7 +8,14 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["aligned", "html", "plain"]
+__all__ = ["Shown", "aligned", "html", "plain"]
+
+
+class Shown:
+    """Shows at a prompt what it prints, not all the numbers that it holds."""
+
+    def __repr__(self) -> str:
+        return str(self)
 
 
 def plain(values: Any) -> Any:

@@ -7,7 +7,9 @@ import json
 
 import numpy as np
 import pytest
+from conftest import ROOT
 
+import cadet_sym as cs
 from cadet_sym.errors import ExportError, ModelError
 from cadet_sym.results import MomentHistory, Provenance
 from cadet_sym.solutions import StationaryMoments, StationarySolutions, StationarySweep
@@ -208,3 +210,17 @@ def test_records_print_themselves_short(history):
         assert len(text.splitlines()) < 20
     assert "nan" not in str(solution())
     assert "drifting" in str(solution())
+
+
+def test_results_show_at_a_prompt_what_they_print():
+    model = cs.load(ROOT / "models" / "oleo_constant_speed.toml")
+    compiled = cs.compile(model)
+    history, paths = compiled.propagate(points=3, duration=1.0), cs.simulate(model, paths=50, times=[0.0, 0.5, 1.0])
+    sweep = cs.sweep(model, {"zeta": np.linspace(0.01, 0.2, 12)}, points=3, duration=1.0, workers=1)
+    shown = [compiled, history, paths, cs.compare(history, paths), sweep, compiled.stationary(), compiled.stationary(all=True)]
+    for each in shown:
+        assert repr(each) == str(each)
+        assert "array(" not in str(each)
+        assert len(str(each).splitlines()) > 2
+    assert "12 runs" in str(sweep)
+    assert f"{history.std['closure'][-1]:.6g}" in str(sweep)  # of zeta = 0.01, which is declared

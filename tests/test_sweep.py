@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
@@ -48,6 +49,20 @@ def test_a_grid_in_processes_gives_the_serial_numbers_bit_for_bit():
     assert data["covariance"].dims == ("k", "e", "time", "state", "state_2")
     alone = cs.compile(toml(MODEL)).propagate(parameters={"k": 9.0, "e": 0.5})
     np.testing.assert_array_equal(data["mean"].sel(k=9.0, e=0.5), alone.state_mean)
+
+
+SCRIPT = """
+import cadet_sym as cs
+print("begun")
+found = cs.sweep({path!r}, {{"zeta": [0.01, 0.02, 0.03]}}, workers=2, progress=False, engine="direct", points=3)
+print(found.failures, len(found))
+"""
+
+
+def test_processes_do_not_run_a_script_again_that_is_not_guarded(tmp_path):
+    (tmp_path / "script.py").write_text(SCRIPT.format(path=str(ROOT / "models" / "oleo_acceleration.toml")))
+    ran = subprocess.run([sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert (ran.returncode, ran.stdout, ran.stderr) == (0, "begun\n{} 3\n", "")
 
 
 @pytest.mark.parametrize(

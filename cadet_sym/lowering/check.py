@@ -16,6 +16,7 @@ from cadet_sym.language.element import Element
 from cadet_sym.language.numeric import evaluate
 from cadet_sym.language.vocabulary import ElementCall
 from cadet_sym.lowering.elements import element_function
+from cadet_sym.tables import Shown
 
 SPREADS = (0.0, 1e-3, 0.1, 1.0, 10.0)  # standard deviations, times the scale
 PLACES = (-3.0, -0.7, 0.0, 1.0, 4.0)  # of the mean about a kink, in standard deviations
@@ -30,8 +31,8 @@ SURE = 1e-8  # error of the integration itself from which on a case is told apar
 BESIDE = 1e-12
 
 
-@dataclass(frozen=True)
-class ElementCheck:
+@dataclass(frozen=True, repr=False)
+class ElementCheck(Shown):
     """What a check found, and where the worst was.
 
     Errors are relative to E|f|, of gains to E|f| over the standard deviation, without variance to |f| around the mean. Where

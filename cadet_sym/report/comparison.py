@@ -20,7 +20,7 @@ import numpy as np
 
 from cadet_sym.errors import ModelError
 from cadet_sym.results import MomentHistory
-from cadet_sym.tables import plain
+from cadet_sym.tables import Shown, plain
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -88,8 +88,8 @@ class Verdict:
         }
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Shown):
     """Moments by CADET and by simulation of the same model at the same times."""
 
     history: MomentHistory

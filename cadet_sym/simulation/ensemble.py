@@ -15,6 +15,7 @@ from cadet_sym.labelled import Labelled, LabelledCovariance
 from cadet_sym.simulation.inputs import Input
 from cadet_sym.simulation.statistics import Estimates, Moments, StepError
 from cadet_sym.simulation.tallies import Crossings, Histogram, TimeAverage
+from cadet_sym.tables import Shown
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -43,8 +44,8 @@ def shape_of(entering: Input, moments: Moments, row: int) -> InputShape:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class Ensemble:
+@dataclass(frozen=True, eq=False, repr=False)
+class Ensemble(Shown):
     """Moments of simulated paths at k times, of n states and m outputs, with their errors.
 
     Three errors are kept apart: sampling (`mean_standard_error`, `variance_standard_error`, `limit`), the time step
