@@ -107,13 +107,22 @@ def script(by_hand: scripts.Script, times: np.ndarray, method: str) -> Run:
 
 
 def rows_of(compiled: cs.CompiledModel, name: str, times: np.ndarray, runs: dict[str, tuple[Run, int]], table: Table) -> None:
-    """Measure every run; the first is what the others are compared with."""
+    """Measure every run; the first is what the others are compared with.
+
+    What is repeated is so in turn with the others: a machine that is slower for some seconds is so for all of them.
+    """
     reference = compiled.propagate(times, rtol=1e-9).state_covariance
     size = np.sqrt(np.diagonal(reference, axis1=1, axis2=2).max(axis=0))
-    base = 0.0
-    for who, (run, repeat) in runs.items():
-        found, result = measured(run, repeat)
-        middle = float(np.median(found))
+    base, rounds = 0.0, max(1, min((repeat for _, repeat in runs.values() if repeat > 1), default=1))
+    seconds: dict[str, list[float]] = {who: [] for who in runs}
+    results = {}
+    for k in range(rounds):
+        for who, (run, repeat) in runs.items():
+            if repeat > 1 or k == 0:
+                found, results[who] = measured(run, -(-repeat // rounds))
+                seconds[who] += found.tolist()
+    for who, found in seconds.items():
+        middle, result = float(np.median(found)), results[who]
         base = base or middle
         known = result.shape == reference.shape
         error = float((np.abs(result - reference) / np.outer(size, size)).max()) if known else np.nan
