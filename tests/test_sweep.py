@@ -16,6 +16,7 @@ import cadet_sym as cs
 from cadet_sym import sweeps
 from cadet_sym.errors import ModelError
 from cadet_sym.solve.native import Native
+from cadet_sym.solve.shares import team_of
 from cadet_sym.sweeps import sweep
 
 MODEL = """
@@ -259,3 +260,16 @@ def test_dask_takes_the_points_through_its_own_executor():
 def test_wrong_arguments_are_named(values, kind, message):
     with pytest.raises(ModelError, match=message):
         sweep(toml(MODEL), values, kind=kind)
+
+
+@pytest.mark.parametrize("workers", [1, 2, 3, 40])
+def test_a_team_does_every_part_once_and_tells_of_what_went_wrong(workers):
+    def fails(part):
+        raise ArithmeticError(f"part {part.start}")
+
+    with team_of(workers) as team:
+        for count in (0, 1, 13, 200):
+            parts = team.share(count, lambda part: range(part.start, part.stop))
+            assert [k for part in parts for k in part] == list(range(count))
+        with pytest.raises(ArithmeticError, match="part"):
+            team.share(100, fails)

@@ -253,14 +253,12 @@ def _rest(lowered: MomentFunctions, p: Array, y: Array) -> npt.NDArray[np.bool_]
 
 def _look(lowered: MomentFunctions, p: Array, y: Array, held: Places) -> npt.NDArray[np.bool_]:
     """Whether the rates of the held moments, which depend on them and the speed alone, vanish at any speed."""
-    nothing, zero = y.copy(), np.zeros(len(y))
+    runs, nothing = len(y), y.copy()
     nothing[:, held] = 0.0
-    rests = np.ones(len(y), dtype=bool)
-    for speed in (1.0, 2.7):
-        at = zero, zero, np.full(len(y), speed)
-        found, forced = (results_over(lowered.held_rate, *at, each, p)[0][:, held] for each in (y, nothing))
-        rests &= np.abs(found).max(axis=1) <= RESTS * np.abs(forced).max(axis=1)
-    return rests
+    zero, speeds = np.zeros(4 * runs), np.repeat((1.0, 2.7), 2 * runs)
+    slopes = results_over(lowered.held_rate, zero, zero, speeds, np.concatenate([y, nothing] * 2), np.tile(p, (4, 1)))[0]
+    found = np.abs(slopes[:, held]).max(axis=1).reshape(2, 2, runs)  # at each speed, of y and where nothing is held
+    return np.asarray((found[:, 0] <= RESTS * found[:, 1]).all(axis=0))
 
 
 def _free_and_held(lowered: MomentFunctions) -> tuple[Places, Places]:

@@ -1,15 +1,19 @@
 """Share runs out among threads, which machine code leaves Python's lock to.
 
-Whoever is ready takes a part of what is left: the parts become smaller, so that all are done at about the same time.
+Whoever is ready takes a part of what is left, who asks as well as the others: the parts become smaller, so that all are done
+at about the same time.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections import deque
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import pairwise
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
 
 __all__ = ["ALONE", "Team", "team_of"]
 
@@ -18,21 +22,42 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Team:
-    """So many threads, and how they are given parts of some work."""
+    """Who asks, and other threads."""
 
-    workers: int
-    each: Callable[[Callable[[slice], Any], Iterable[slice]], Iterable[Any]]
+    others: int
+    pool: Executor | None
 
     def share(self, count: int, some: Callable[[slice], T]) -> list[T]:
         """What `some` gives for parts of so many runs, in their order."""
-        edges = [0]
-        while edges[-1] < count:
-            left = count - edges[-1]
-            edges.append(edges[-1] + (left if self.workers == 1 else -(-left // (2 * self.workers))))
-        return list(self.each(some, [slice(a, b) for a, b in pairwise(edges)]))
+        parts, found = deque(self._parts(count)), dict[int, T]()
+
+        def work() -> None:
+            while True:
+                try:
+                    part = parts.popleft()  # by one thread at a time
+                except IndexError:
+                    return
+                try:
+                    found[part.start] = some(part)
+                except BaseException:
+                    parts.clear()
+                    raise
+
+        helping = [self.pool.submit(work) for _ in range(min(self.others, len(parts) - 1))] if self.pool else []
+        work()
+        for each in helping:
+            each.result()
+        return [found[start] for start in sorted(found)]
+
+    def _parts(self, count: int) -> Iterator[slice]:
+        begin = 0
+        while begin < count:
+            end = begin + -(-(count - begin) // (2 * self.others + 2)) if self.others else count
+            yield slice(begin, end)
+            begin = end
 
 
-ALONE = Team(1, map)
+ALONE = Team(0, None)
 """Whoever asks does all of it at once."""
 
 
@@ -44,5 +69,5 @@ def team_of(workers: int) -> Iterator[Team]:
         return
     from concurrent.futures import ThreadPoolExecutor
 
-    with ThreadPoolExecutor(workers) as pool:
-        yield Team(workers, pool.map)
+    with ThreadPoolExecutor(workers - 1) as pool:
+        yield Team(workers - 1, pool)
