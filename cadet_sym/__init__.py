@@ -18,6 +18,7 @@ Read it in the order in which a model passes through it:
     runs.py          run it over a time, once or with many values of its parameters
     stationary.py    find the moments that stay as they are; solutions.py and results.py hold what was found
     compiled.py      what `compile` returns, and what can be done with it
+    checking.py      its describing functions held against adaptive integration, at the moments of a run
     export/          C that stands alone
     sweeps.py        the same model at many values of its parameters
     bifurcation.py   stationary moments followed over the range of one parameter

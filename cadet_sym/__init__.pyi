@@ -4,6 +4,8 @@ from .augmentation import AugmentedSystem as AugmentedSystem
 from .augmentation import augment as augment
 from .bifurcation import SolutionBranches as SolutionBranches
 from .bifurcation import branches as branches
+from .checking import RunCheck as RunCheck
+from .checking import check_run as check_run
 from .compiled import CompiledModel as CompiledModel
 from .compiled import compile as compile
 from .controlled import simulate as simulate

@@ -72,6 +72,9 @@ def moments(
     ] = None,
     rtol: RelativeTolerance = None,
     jit: Annotated[bool, typer.Option("--jit", help="Take seconds to make good machine code of a large model.")] = False,
+    check: Annotated[
+        bool, typer.Option("--check", help="Hold the describing functions against adaptive integration at the run's moments.")
+    ] = False,
     as_json: Json = False,
     save: Save = None,
     plot: Plot = None,
@@ -92,6 +95,7 @@ def moments(
             history = compiled.periodic(period, points=points or 101)
         else:
             history = compiled.propagate(grid, duration=duration, points=points, rtol=rtol)
+        checked = cs.check_run(compiled, history) if check else None
         if save:
             history.save(save)
         if plot:
@@ -99,13 +103,15 @@ def moments(
 
             save_figure(moments_figure(history), plot)
     if as_json:
-        print_json(history.to_dict())
+        print_json({**history.to_dict(), **({} if checked is None else {"check": checked.to_dict()})})
     else:
         from cadet_sym.report.terminal import print_history
 
         print_history(history)
         if isinstance(history, PeriodicMoments):
             print(str(history).splitlines()[-1])
+        if checked is not None:
+            print(f"\n{checked}")
         print_written(save, plot)
 
 

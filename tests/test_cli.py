@@ -77,6 +77,16 @@ def test_show_holds_elements_against_adaptive_integration(run, run_json):
     assert "25 cases against adaptive integration good to " in text
 
 
+def test_moments_holds_elements_against_adaptive_integration_at_the_moments_of_the_run(run, run_json):
+    found = run_json("moments", OLEO, "--points", 3, "--check")["check"]
+    assert found["times"] == [0.0, 5.0, 10.0]
+    assert [each["where"] for each in found["functions"]] == ["rates", "variance of damper_force"]
+    assert max(max(each["error"], each["gain_error"]) for each in found["functions"]) < 1e-12
+    status, text, _ = run("moments", OLEO, "--points", 3, "--check")
+    assert status == 0
+    assert "at the moments of 3 times, 0 to 10: largest error " in text
+
+
 def test_show_of_every_model(model_file, run, run_json):
     found = run_json("show", model_file)
     status, text, _ = run("show", model_file)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -29,6 +29,8 @@ TOLERANCE = {1: 1e-12, 2: 1e-10, 3: 1e-7}  # asked of the adaptive integration, 
 BUDGET = {1: 4_000_000, 2: 30_000_000, 3: 60_000_000}  # evaluations of f for all cases together
 SURE = 1e-8  # error of the integration itself from which on a case is told apart
 BESIDE = 1e-12
+SINGULAR = 1e-10  # variance along an axis, of standardised arguments, over the largest: it is taken to be none
+MOST_AXES = 2  # on which functions of more than three arguments are looked at
 
 
 @dataclass(frozen=True, repr=False)
@@ -103,28 +105,44 @@ def check(
     """
     df = element if isinstance(element, DescribingFunction) else _describe(element, values or {})
     numbers = _numbers(df, values or {})
-    function = element_function(df, tuple(numbers))
-    rows, sure, over = [], [], len(df.arguments) if len(df.arguments) in BUDGET else 2
-    grid, budget = list(_grid(df, numbers, scale)), BUDGET[over]
-    for k, (mean, covariance) in enumerate(grid):
-        F, gain = (np.array(x).ravel() for x in function(mean, covariance[np.tril_indices(len(mean))], list(numbers.values())))
+    cases = [(mean, covariance, numbers) for mean, covariance in _grid(df, numbers, scale)]
+    return check_at(df, cases, BUDGET[min(len(df.arguments), max(BUDGET))], scale)
+
+
+Case = tuple[np.ndarray, np.ndarray, Mapping[sp.Symbol, float]]
+"""Mean, covariance, and the numbers of what else is in a function."""
+
+
+def check_at(df: DescribingFunction, cases: Sequence[Case], budget: int, scale: float = 1.0) -> ElementCheck:
+    """Hold a describing function against adaptive integration for some means and covariances.
+
+    A singular covariance, and one of more than three arguments, is taken on its principal axes, of the latter the first two.
+    """
+    free = tuple(sorted((s for s in df.body.free_symbols - set(df.arguments) if isinstance(s, sp.Symbol)), key=str))
+    function = element_function(df, free)
+    rows, sure = [], [0.0]
+    for k, (mean, whole, numbers) in enumerate(cases):
+        root = _axes(whole)
+        covariance = whole if root is None else root @ root.T
+        known = {s: numbers[s] for s in free}
+        at = mean, covariance[np.tril_indices(len(mean))], list(known.values())
+        F, gain = (np.array(x).ravel() for x in function(*at))
         if not covariance.any():
-            rows.append((*_without_variance(df, numbers, mean, F[0], scale), mean, covariance))
+            rows.append((*_without_variance(df, known, mean, F[0], scale), mean, covariance))
             continue
-        section, at, spread = df, mean, covariance
-        if over < len(mean):
-            section, at, spread, gain = _on_a_plane(df, mean, covariance, gain)
-        truth = Truth.of(section, numbers, at, spread, TOLERANCE[over], budget // (len(grid) - k))
+        section = (df, mean, covariance) if root is None else _on_axes(df, mean, root)
+        own = gain if root is None else root.T @ gain
+        truth = Truth.of(section[0], known, *section[1:], TOLERANCE[len(section[1])], budget // (len(cases) - k))
         budget -= truth.evaluations
         sure.append(truth.own)
-        rows += [(*row, mean, covariance) for row in truth.compared(F, gain)]
+        rows += [(*row, mean, covariance) for row in truth.compared(F, own)]
     _, _, found, integrated, mean, covariance = max(rows, key=lambda row: row[0])
     return ElementCheck(
         name=df.name or str(df.body),
         method=df.method,
         nodes=df.nodes,
         estimated=df.error,
-        cases=len(grid),
+        cases=len(cases),
         error=max(row[0] for row in rows if not row[1]),
         gain_error=max((row[0] for row in rows if row[1]), default=0.0),
         mean=tuple(float(m) for m in mean),
@@ -192,17 +210,27 @@ def _grid(df: DescribingFunction, numbers: Mapping[sp.Symbol, float], scale: flo
         yield mean, correlation * np.outer(s, s)
 
 
-def _on_a_plane(
-    df: DescribingFunction, mean: np.ndarray, covariance: np.ndarray, gain: np.ndarray
-) -> tuple[DescribingFunction, np.ndarray, np.ndarray, np.ndarray]:
-    """A function of many arguments, with a covariance of rank two, as one of two of its own; and its gains in these."""
-    variances, axes = np.linalg.eigh(covariance)
-    root = axes[:, -2:] * np.sqrt(variances[-2:])
-    e = sp.symbols("e1 e2", real=True, cls=sp.Dummy)
+def _axes(covariance: np.ndarray) -> np.ndarray | None:
+    """Principal axes times their standard deviations, in columns; None where integration can do without."""
+    s = np.sqrt(np.diag(covariance))
+    unit = np.where(s > 0, s, 1.0)
+    variances, axes = np.linalg.eigh(covariance / np.outer(unit, unit))
+    kept = variances > SINGULAR * max(variances[-1], 0.0)
+    many = len(s) > max(BUDGET)
+    if not covariance.any() or (kept.all() and not many):
+        return None if covariance.any() else np.zeros((len(s), 1))
+    number = min(int(kept.sum()), MOST_AXES if many else len(s))
+    return unit[:, None] * axes[:, -number:] * np.sqrt(variances[-number:])
+
+
+def _on_axes(df: DescribingFunction, mean: np.ndarray, root: np.ndarray) -> tuple[DescribingFunction, np.ndarray, np.ndarray]:
+    """A function on axes of its distribution, as one of as many independent arguments."""
+    count = root.shape[1]
+    e = sp.symbols(f"e1:{count + 1}", real=True, cls=sp.Dummy)
     exact = [[sp.Rational(float(x)) for x in row] for row in np.column_stack([mean, root])]
-    points = (m + a * e[0] + b * e[1] for m, a, b in exact)
+    points = (row[0] + sp.Add(*(a * z for a, z in zip(row[1:], e, strict=True))) for row in exact)
     body = df.body.xreplace(dict(zip(df.arguments, points, strict=True)))
-    return replace(df, arguments=tuple(e), body=body), np.zeros(2), np.eye(2), root.T @ gain
+    return replace(df, arguments=tuple(e), body=body), np.zeros(count), np.eye(count)
 
 
 Row = tuple[float, bool, float, float]

@@ -1,0 +1,92 @@
+"""Describing functions at the moments of a run: what every shipped model's are, and what is said of wrong ones."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import sympy as sp
+from conftest import ROOT
+from reference_models import toml
+
+import cadet_sym as cs
+from cadet_sym.errors import ExpectationWarning, ModelError
+from cadet_sym.expectation import describing_function
+from cadet_sym.lowering.check import check_at
+
+TANGLED = """
+name = "a switch on a curve"
+[rates]
+x = "v"
+v = "-x - v - clip(x*v**2, -1, 1) + w"
+[noise]
+w = 4.0
+[run]
+duration = 6.0
+"""
+MANY = """
+name = "drag along four axes"
+[rates]
+x = "-x - (1 + x)*sqrt((1 + x)**2 + y**2 + z**2 + u**2) + a"
+y = "-y + a"
+z = "-z + b"
+u = "-2*u + a + b"
+[noise]
+a = 1.0
+b = 2.0
+[run]
+duration = 2.0
+"""
+
+
+def test_every_shipped_model_has_exact_expectations_at_the_moments_of_its_run(model_file):
+    compiled = cs.compile(model_file)
+    found = cs.check_run(compiled, compiled.propagate())
+    assert len(found.times) == 5
+    assert found.error < 1e-10
+    assert all(each.sure < 1e-8 for _, each in found.found)
+
+
+def test_what_is_not_exact_is_found_where_the_run_goes():
+    with pytest.warns(ExpectationWarning, match="accurate to"):
+        compiled = cs.compile(toml(TANGLED))
+    history = compiled.propagate()
+    found = cs.check_run(compiled, history)
+    ((place, each),) = found.found
+    assert (place.where, place.arguments) == ("rates", ("x", "v"))
+    assert 1e-8 < found.error < each.estimated
+    assert f"{found.error:.1e}" in str(found)
+
+
+def test_singular_covariances_and_more_arguments_than_can_be_integrated_over_are_looked_at_on_their_axes():
+    compiled = cs.compile(toml(MANY))
+    found = cs.check_run(compiled, compiled.propagate())
+    ((_, each),) = found.found
+    assert each.cases == 5
+    assert each.sure < 1e-8
+    assert found.error < 1e-8
+
+
+def test_a_wrong_describing_function_is_seen_at_any_rank():
+    x, y = sp.symbols("x y", real=True)
+    right = describing_function((x, y), abs(x) * y)
+    wrong = replace(right, body=abs(x) * y + x / 1000)
+    for covariance in (np.diag([1.0, 2.0]), np.array([[1.0, 2.0], [2.0, 4.0]]), np.diag([1.0, 0.0]), np.zeros((2, 2))):
+        case = np.array([0.3, -0.4]), covariance, {}
+        assert max(check_at(right, [case], 1_000_000).error, check_at(right, [case], 1_000_000).gain_error) < 1e-10
+        assert check_at(wrong, [case], 1_000_000).error > 1e-4
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda h: replace(h, states=("a", *h.states[1:])), "another model"),
+        (lambda h: replace(h, time=h.time + 0.1), "output times of the history"),
+    ],
+)
+def test_a_history_that_is_not_of_the_model_is_refused(change, message):
+    compiled = cs.compile(ROOT / "models" / "duffing.toml")
+    history = compiled.propagate(points=3)
+    with pytest.raises(ModelError, match=message):
+        cs.check_run(compiled, change(history), times=history.time.tolist())
