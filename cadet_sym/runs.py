@@ -7,7 +7,7 @@ machine code, the outputs. Every number is the one of a run by itself.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from functools import lru_cache
 from typing import Any
 
@@ -179,7 +179,7 @@ def run_cycle(made: Compiled, p: Array, period: float, points: int) -> PeriodicM
     grid = check_times(np.linspace(0.0, period, points))
     run = integrate(functions, Start(cycle.y, p, begin.breakpoints), grid, rtol=1e-9)
     more = {"newton steps": float(cycle.steps), "periods marched": float(cycle.periods)}
-    run = replace(run, statistics={**run.statistics, **more})
+    run = run._replace(statistics={**run.statistics, **more})
     found = _named(made, run, p, derivatives=None)  # those of the run are not those of the cycle
     return PeriodicMoments(
         **{each.name: getattr(found, each.name) for each in fields(found)},
@@ -204,7 +204,7 @@ def _with_wheel_errors(functions: MomentFunctions, found: Sequence[Run], last: A
         errors[done] = present_errors(functions, p[done], last[done, : functions.facts.packing.moments], end)
     for k, (run, error) in enumerate(zip(found, errors.tolist(), strict=True)):
         if isinstance(run, Trajectory):
-            runs[k] = replace(run, statistics={**run.statistics, "wheel grid error": error})
+            runs[k] = run._replace(statistics={**run.statistics, "wheel grid error": error})
     if (worst := errors.max()) > COARSE:
         text = (
             f"the ground between the wheels may not be resolved (estimated error {worst:.1g}); "

@@ -205,7 +205,7 @@ def _points(values: Mapping[str, Sequence[float]], kind: str) -> tuple[tuple[str
     if not names or any(column.ndim != 1 or not column.size or not np.isfinite(column).all() for column in columns):
         raise ModelError("a sweep needs at least one parameter, and finite values for each.")
     if kind == "grid":
-        return names, np.array(list(itertools.product(*columns))), tuple(columns)
+        return names, np.stack(np.meshgrid(*columns, indexing="ij"), axis=-1).reshape(-1, len(columns)), tuple(columns)
     if kind != "samples":
         raise ModelError(f"`{kind}` is not a kind of sweep; those are: grid, samples.")
     if len({column.size for column in columns}) > 1:

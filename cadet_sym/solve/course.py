@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from threading import RLock
 from typing import NamedTuple, Protocol
 
@@ -42,15 +42,14 @@ FEW = 700
 ENGINES = ("auto", "direct", "implicit", "krylov", "explicit", "stepping", "native", "stiff")
 
 
-@dataclass(frozen=True)
-class Trajectory:
+class Trajectory(NamedTuple):
     """Packed moments at the times asked for, and how they were integrated."""
 
     time: Array  # (k,)
     y: Array  # (k, size)
     engine: str
     rtol: float
-    statistics: Mapping[str, float] = field(default_factory=dict)
+    statistics: Mapping[str, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +132,7 @@ def march(
                 raise
             reached = np.empty((0, len(y))) if breakdown.found is None else breakdown.found[: inside.size]
             kept = np.concatenate([found[:known], reached])
-            partial = Trajectory(grid[: len(kept)], kept, engine.name, asked)
+            partial = Trajectory(grid[: len(kept)], kept, engine.name, asked, {})
             raise explain(lowered, start.p, breakdown, begin, y, partial) from None
         found[known:last], known = values[: inside.size], last
         y, doubtful = values[-1], doubtful or not honest

@@ -264,8 +264,9 @@ def _plans(
             found = modes(lowered, np.array([each.p for each in these]), end, known.along, QUICK)
             kinds = choose(lowered, these, grid, found)
             steps = [most_steps(len(these[0].y)) if each else STEPS for each in rings(lowered, found).tolist()]
-        growth = known.growth(lowered.facts.packing)
-        return [_Plan(kind, known.size, Care(growth, most)) for kind, most in zip(kinds, steps, strict=True)]
+        growth, ways = known.growth(lowered.facts.packing), list(zip(kinds, steps, strict=True))
+        plans = {way: _Plan(way[0], known.size, Care(growth, way[1])) for way in set(ways)}
+        return [plans[way] for way in ways]
 
     if len(starts) > 1 and declared is not None:
         return make(starts)
