@@ -31,7 +31,7 @@ from cadet_sym.language.model import Model
 from cadet_sym.language.modelfile import load
 from cadet_sym.memory import Memory
 from cadet_sym.results import MomentHistory
-from cadet_sym.runs import Run, Runs
+from cadet_sym.runs import Runs
 from cadet_sym.solve.transient import Trajectory
 from cadet_sym.tables import Shown, aligned
 
@@ -258,22 +258,18 @@ def _results(task: _Task, points: Array, executor: Any, workers: int | None) -> 
     """The points' results with their numbers, as they come: here while that is soon done, then wherever there is room."""
     done, count = 0, len(points)
     if executor is None:
-        run, threads, some, began = None, 1, 1, perf_counter()
+        asked, began = pickle.dumps(sorted(task.run.items())), perf_counter()
+        like = _likes(task.compiled, asked, lambda: UNKNOWN)
         while done < count:
-            before = perf_counter()
-            found = task.some(done, points[done : done + some], threads)
+            threads, before = (workers or os.cpu_count() or 1) if like.shared else 1, perf_counter()
+            found = task.some(done, points[done : done + like.at_once(threads)], threads)
             yield from found
             done, pace = done + len(found), (perf_counter() - before) / len(found)
-            if run is None:  # with the first, all is there that threads are to share
-                run = next((runs.found[k] for runs, k in (place for _, place in found if not isinstance(place, str))), None)
-                if isinstance(run, Trajectory):  # of what was done for it alone, the others need nothing
-                    pace = min(pace, run.statistics["seconds"])
-                threads = _threads(task.compiled, run, workers)
+            like = _like(task.compiled, [place for _, place in found], pace)
+            _likes.keep(task.compiled, asked, like)
             elsewhere = workers is None and perf_counter() - began > TRIAL and pace * (count - done) > START_UP
-            if threads == 1 and (elsewhere or workers not in (None, 1)):
+            if not like.shared and (elsewhere or workers not in (None, 1)):
                 break
-            most = max(int(TRIAL * threads / pace), SHARE * threads if threads > 1 else 1)
-            some = min(most, _room(run))
     if done == count:
         return
     with _pool(executor, workers) as pool:
@@ -291,15 +287,34 @@ def _results(task: _Task, points: Array, executor: Any, workers: int | None) -> 
             raise
 
 
-def _room(run: Run | None) -> int:
-    """How many runs like this one may be done at once."""
-    return max(1, ROOM // max(run.y.size, 1)) if isinstance(run, Trajectory) else CHUNK
+@dataclass(frozen=True)
+class _Like:
+    """What the runs of a sweep are like, as those tell that were done."""
+
+    seconds: float  # that one takes
+    room: int  # how many may be done at once
+    shared: bool  # whether they leave Python's lock to other threads
+
+    def at_once(self, threads: int) -> int:
+        """How many to do until the next look at how far the sweep has come."""
+        return min(max(int(TRIAL * threads / self.seconds), SHARE * threads if threads > 1 else 1), self.room)
 
 
-def _threads(compiled: CompiledModel, run: Run | None, workers: int | None) -> int:
-    """Among how many threads runs like this one are shared out: one, unless they leave Python's lock to others."""
-    leaves = isinstance(run, Trajectory) and run.engine.endswith("machine code") and not compiled.functions.facts.whole
-    return (workers or os.cpu_count() or 1) if leaves else 1
+UNKNOWN = _Like(TRIAL, 1, shared=False)
+"""With the first run, all is there that threads are to share."""
+
+_likes: Memory[_Like] = Memory()
+
+
+def _like(compiled: CompiledModel, places: Sequence[Place], seconds: float) -> _Like:
+    """What those at some places are like, which took so long each."""
+    run = next((runs.found[k] for runs, k in (place for place in places if not isinstance(place, str))), None)
+    if not isinstance(run, Trajectory):
+        return _Like(seconds, CHUNK, shared=False)
+    if len(places) == 1:  # of what was done for one alone, others need nothing
+        seconds = min(seconds, run.statistics["seconds"])
+    shared = run.engine.endswith("machine code") and not compiled.functions.facts.whole
+    return _Like(seconds, max(1, ROOM // max(run.y.size, 1)), shared)
 
 
 @contextmanager

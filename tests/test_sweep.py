@@ -273,3 +273,21 @@ def test_a_team_does_every_part_once_and_tells_of_what_went_wrong(workers):
             assert [k for part in parts for k in part] == list(range(count))
         with pytest.raises(ArithmeticError, match="part"):
             team.share(100, fails)
+
+
+def test_a_sweep_like_one_before_is_not_tried_out_first(monkeypatch):
+    """How many points are done at once touches no number; other arguments of the runs make it another sweep."""
+    model, some, taken = toml(MODEL), sweeps._Task.some, []
+
+    def watched(task, first, rows, *more):
+        taken.append(len(rows))
+        return some(task, first, rows, *more)
+
+    monkeypatch.setattr(sweeps._Task, "some", watched)
+    values = {"k": np.linspace(2.0, 9.0, 30)}
+    found = [sweep(model, values, workers=2, points=points) for points in (6, 6, 5)]
+    assert taken[0] == 1
+    assert sum(taken[: taken.index(30)]) == 30
+    assert taken[taken.index(30) + 1] == 1
+    for one, again in zip(found[0].histories, found[1].histories, strict=True):
+        np.testing.assert_array_equal(one.state_covariance, again.state_covariance)
