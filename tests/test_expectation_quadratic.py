@@ -24,7 +24,7 @@ from cadet_sym.expectation.quadratic import QuadraticPower
 from cadet_sym.expectation.quadrature import Wish
 from cadet_sym.expectation.reduced import Reduced
 from cadet_sym.expectation.smooth import planar
-from cadet_sym.expectation.squares import quadratic_powers, with_count
+from cadet_sym.expectation.squares import error_of, quadratic_powers, with_count
 from cadet_sym.language.expression import parse, symbol
 from cadet_sym.language.numeric import evaluate
 from cadet_sym.lowering.elements import element_function
@@ -34,13 +34,14 @@ TWO = [
     "sqrt(x**2 + y**2)", "x/sqrt(x**2 + y**2)", "y*sqrt(x**2 + y**2 + 0.01)", "y**3/(x**2 + x*y + 2*y**2)",
     "x/(1 + x**2 + y**2)", "(1 - 1/sqrt(1 + x**2 + y**2))*y", "((x - 1)**2 + (y + 2)**2 + 0.1)**1.5",
     "x*y*(x**2 + 3*y**2)**(-0.7)", "y*abs(x)*sqrt(x**2 + y**2 + 1)",
+    "y*log(0.3 + x**2 + y**2)", "x*log(sqrt(x**2 + 2*y**2))", "x*log(1 + x**2 + y**2)/(1 + x**2 + y**2)",
 ]  # fmt: skip
 THREE = [
     "sqrt(x**2 + y**2 + w**2)", "x*sqrt(x**2 + y**2 + w**2)", "w*x/sqrt(x**2 + y**2 + 0.04)",
     "(x - w)/sqrt((x - w)**2 + 2*y**2)",
     "x/(x**2 + y**2 + w**2)**1.5", "w/(x**2 + x*y + y**2 + y*w + w**2 + 1)", "x*y*w*sqrt(1 + (x + y)**2)",
     "max(w, 0)*x/sqrt(x**2 + y**2 + 0.04)", "clip(w, -1, 0.9)*x*sqrt(x**2 + y**2)",
-    "exp(-abs(w))*sin(w)*x*sqrt(x**2 + y**2 + 1)",
+    "exp(-abs(w))*sin(w)*x*sqrt(x**2 + y**2 + 1)", "max(w, 0)*log(0.2 + x**2 + y**2 + x*y)",
 ]  # fmt: skip
 CORRELATIONS = [-0.999999, -0.95, 0.0, 0.5, 1.0]
 
@@ -137,6 +138,68 @@ def test_a_length_is_that_of_the_noncentral_chi_distribution(n, power):
         if m:
             slope = mpmath.diff(lambda x, sd=sd: power_of_a_length(n, float(power), x, sd), m, h=1e-12 * max(m, sd))
             assert gain == pytest.approx(float(slope) * direction, rel=1e-8, abs=1e-13 * F / sd)
+
+
+@pytest.mark.parametrize("n", [2, 3, 6])
+def test_a_logarithm_is_the_derivative_of_a_power_in_its_exponent(n):
+    function = function_of(f"log({' + '.join(f'{z}**2' for z in NAMES[:n])})")
+    direction = np.array([0.6, -0.8, 0, 0, 0, 0])[:n]
+    for m, sd in ((0.0, 1.0), (0.3, 1.0), (2.0, 1e-3), (1.0, 1e3), (7.0, 1.0)):
+        F, *gain = found(function, m * direction, sd**2 * np.eye(n))
+        with mpmath.workdps(40):
+            logarithm = lambda x, sd=sd: mpmath.diff(lambda p: power_of_a_length(n, p, x, sd), 0, h=1e-12)  # noqa: E731
+            wanted, slope = logarithm(m), mpmath.diff(logarithm, m, h=1e-10 * max(m, sd))
+        assert pytest.approx(float(wanted), rel=1e-11, abs=1e-11) == F
+        assert gain == pytest.approx(float(slope) * direction, rel=1e-8, abs=1e-13 / sd)
+
+
+WITH_EXPONENTS = [
+    "x*sqrt(x**2 + y**2)**p", "(x**2 + y**2 + w**2)**p", "max(w, 0)*(1 + x**2 + y**2)**p",
+    "x*y*(c + x**2 + y**2)**(p - 1)",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("text", WITH_EXPONENTS)
+def test_an_exponent_may_be_a_parameter(text):
+    """With any number it is the function with that number, and its derivative is that of differences."""
+    p, c, arguments = symbol("p"), symbol("c"), arguments_of(text)
+    free = tuple(s for s in (c, p) if parse(text).has(s))
+    df = describing_function(arguments, parse(text), values={c: 0.5, p: 0.7})
+    assert all(isinstance(product, QuadraticPower) for product in df.products)
+    function, q = element_function(df, free), ca.SX.sym("q", len(free))
+    mean, S = moments(len(arguments), 0.5)
+
+    def at(number: float) -> np.ndarray:
+        return np.concatenate([np.array(r).ravel() for r in function(mean, lower(S), [0.5, number][-len(free) :])])
+
+    for number in (0.7, 0.2, -0.3, 1.0, 1.5):
+        exact = describing_function(arguments, parse(text.replace("p", str(number)).replace("c", "0.5")))
+        assert at(number) == pytest.approx(found(element_function(exact, ()), mean, S), rel=1e-10, abs=1e-12)
+    slopes = ca.Function("slopes", [q], [ca.jacobian(ca.vertcat(*function(mean, lower(S), q)), q[-1])])
+    wanted = (8 * (at(0.71) - at(0.69)) - (at(0.72) - at(0.68))) / 0.12
+    assert np.array(slopes([0.5, 0.7][-len(free) :])).ravel() == pytest.approx(wanted, rel=1e-7, abs=1e-9)
+
+
+def test_an_exponent_with_which_there_is_no_expectation_gives_no_number():
+    p, text = symbol("p"), "(x**2 + y**2)**p"
+    with pytest.raises(LinearisationError, match="no Gaussian expectation.*add a positive number"):
+        describing_function(tuple(NAMES[:2]), parse(text), values={p: -1.0})
+    df = describing_function(tuple(NAMES[:2]), parse(text), values={p: -0.3})
+    function = element_function(df, (p,))
+    values = [float(function([0, 0], [1, 0, 1], [number])[0]) for number in (-0.9, -1.0, -1.3)]
+    assert np.isfinite(values).tolist() == [True, False, False]
+    errors = [error_of(df.products[0], {p: number}) for number in (-0.3, 0.6, -0.9, -1.0, 3.0)]
+    assert max(errors[:2]) < 1e-10
+    assert np.isinf(errors[3:]).all()
+
+
+def test_derivatives_that_hardly_exist_are_those_of_differences():
+    """The third derivatives of x|z|^(1/2) fall off slowly under the integral: they were 1e-4 off."""
+    both, (mean, S) = with_jacobian("x*(x**2 + y**2)**0.25"), moments(2, 0.5)
+    v = np.array([*mean, *lower(S)])
+    for k, h in enumerate(1e-5 * np.eye(5)):
+        slope = (np.array(both(v + h)[0]) - np.array(both(v - h)[0])).ravel() / 2e-5
+        assert np.array(both(v)[1])[:, k] == pytest.approx(slope, rel=1e-8, abs=1e-9)
 
 
 def test_a_mean_far_away_costs_no_digits():

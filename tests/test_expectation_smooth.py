@@ -22,8 +22,8 @@ from cadet_sym.lowering.elements import element_function
 X, Y = symbol("x"), symbol("y")
 TEXTS = [
     "tanh(x*y)", "x/((1 + x**2 + y**2)*sqrt(2 + x**2))",
-    "y*log(0.1 + x**2 + y**2)", "tanh(x)*tanh(y)", "tanh(x + y**2)", "tanh(x + x*y)*y**2",
-    "y*tanh(x*y - 1)", "log(1 + x**2*y**2)", "log((x - 1)**2 + (y + 2)**2 + 0.1)", "exp(tanh(x*y))",
+    "y*log(0.1 + x**2 + y**2)**2", "tanh(x)*tanh(y)", "tanh(x + y**2)", "tanh(x + x*y)*y**2",
+    "y*tanh(x*y - 1)", "log(1 + x**2*y**2)", "log((x - 1)**2 + (y + 2)**2 + 0.1)**2", "exp(tanh(x*y))",
 ]  # fmt: skip
 MOMENTS = [((0.4, -0.3), (0.7, 1.5)), ((2.0, 1.0), (3.0, 2.0))]
 CORRELATIONS = [0.5, -0.999999]
@@ -47,7 +47,7 @@ def describe(text: str):
     return describing_function((X, Y), parse(text), name="f")
 
 
-KINKED = ["max(x, 0)*tanh(x*y)", "abs(x - 0.1)*tanh(x*y)", "max(y, 0.2)*log(x**2 + y**2 + 1)"]
+KINKED = ["max(x, 0)*tanh(x*y)", "abs(x - 0.1)*tanh(x*y)", "max(y, 0.2)*log(x**2 + y**2 + 1)**2"]
 
 
 def planar(text: str) -> Planar:

@@ -7,7 +7,10 @@ With the square completed, Q = c + y_1^2 + .. + y_r^2, y = T z + e linear forms 
 a positive power being a whole one, multiplied out, times a negative one: one dimension is left, in any number of arguments.
 `tilted` says what is under the integral, and how it is taken. Gains, and what they change with, are the same integrals for the
 derivatives of f, monomials times Q^(p-1), Q^(p-2), ..; where a derivative is so large at Q = 0 that it may have an impulse
-there, E[f exp(-t Q)] is differentiated in its place.
+there, E[f exp(-t Q)] is differentiated in its place. The exponent may be a parameter. A logarithm is the derivative of a
+power in its exponent, d/dp Q^p = Q^p log Q, under the integral with a = -p:
+
+    Q^-a log Q = 1/Gamma(a) int_0^inf (psi(a) - log t) t^(a-1) exp(-t Q) dt.
 
 A factor g that is in closed form in one argument (a normal load that cannot pull, max(N, 0)) is one more y, and comes under
 the integral as its expectation and the derivatives of that, which Stein's lemma asks for.
@@ -22,12 +25,13 @@ from functools import cached_property
 import sympy as sp
 from sympy.polys.rings import PolyElement, PolyRing, ring
 
+from cadet_sym.expectation.algebra import Number
 from cadet_sym.expectation.univariate import Univariate
 
-SHORTEST = sp.Rational(1, 4)  # a, at least
+SHORTEST = sp.Rational(1, 4)  # a, at least; one more where p is given with the moments
 
 Terms = dict[tuple[int, ...], float]
-"""Coefficients of a polynomial, by the exponents of y_1, .., y_n and of c, and which derivative of g."""
+"""Coefficients of a polynomial, by the exponents of y_1, .., y_n and of c, which derivative of g, those of log Q and of p."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +54,8 @@ class Shape:
     power: sp.Rational
     cone: bool  # whether c = 0
     kinked: bool = False  # whether there is such a g
+    log: bool = False  # whether it is all times log Q
+    given: bool = False  # whether p is given with the moments, and `power` is what it is likely to be
 
     @cached_property
     def degree(self) -> int:
@@ -59,6 +65,15 @@ class Shape:
     def exists(self, order: int) -> bool:
         """Whether derivatives of that order have an expectation that is a plain integral."""
         return not self.cone or bool(2 * self.power + self.degree + self.rank - order > 0)
+
+    def is_plain(self, order: int) -> bool:
+        """Whether they are taken as that: not where it hardly exists, and its integrand falls too slowly to be added up."""
+        return self.exists(order + 1)
+
+    def allows(self, p: Number) -> Number:
+        """Whether with that p there is an expectation, and an a."""
+        allowed = p < min(row.power for row in self.gains) - float(SHORTEST)
+        return allowed * (2 * p + self.degree + self.rank > 0) if self.cone else allowed
 
     def is_kinked_in(self, i: int) -> bool:
         """Whether that y is the argument of g."""
@@ -91,9 +106,14 @@ class Shape:
         found = [] if self.cone else [self.row(*i, -1) for i in first]
         return (*found, *(self.row(*i, only=a) for a in range(len(self.monomials)) for i in first))
 
+    @cached_property
+    def least(self) -> float:
+        """The smallest a."""
+        return float(min(row.power for row in self.gains) - self.power) - self.given
+
     def row(self, *derivatives: int, only: int | None = None) -> Row:
         """The derivative in some of y, -1 standing for c, of all monomials or of one."""
-        R, *symbols = ring([*(f"y{i}" for i in range(self.size)), "c", "g"], sp.QQ)
+        R, *symbols = ring([*(f"y{i}" for i in range(self.size)), "c", "g", "log", "p"], sp.QQ)
         found = [self._derivative(R, symbols, powers, derivatives) for powers in self.monomials]
         terms = [{m: float(c) for m, c in P.terms()} if only in (None, k) else {} for k, (P, _, _) in enumerate(found)]
         return Row(found[0][1], tuple(terms), found[0][2], plain=only is not None)
@@ -102,20 +122,20 @@ class Shape:
         self, R: PolyRing, symbols: Sequence[PolyElement], powers: Sequence[int], derivatives: Sequence[int]
     ) -> tuple[PolyElement, int, tuple[int, ...]]:
         """P and j, P Q^(p - j) being the derivative of a monomial, and those that are left to take."""
-        *y, c, g = symbols
+        *y, c, g, log, given = symbols
         c = R.zero if self.cone else c
         Q = sum((s**2 for s in y[: self.rank]), start=c)
-        P, j, p = R.one, 0, sp.QQ.from_sympy(self.power)
+        P, j, p = log if self.log else R.one, 0, given if self.given else R(sp.QQ.from_sympy(self.power))
         for s, n in zip(y, powers, strict=True):
             P *= s**n
         for i in (i for i in derivatives if i >= self.rank):
             P = P.diff(y[i]) + (g * P if self.is_kinked_in(i) else R.zero)  # g^n stands for its derivative of order n
         left = [i for i in derivatives if i < self.rank]
-        while left and self.exists(j + 1):
+        while left and self.is_plain(j + 1):
             i = left.pop(0)
             inner = 2 * y[i] if i >= 0 else R.one
-            P, j = P.diff(y[i] if i >= 0 else c) * Q + inner * P * (p - j), j + 1
-        while j - self.power < SHORTEST:
+            P, j = P.diff(y[i] if i >= 0 else c) * Q + inner * (P * (p - j) + P.diff(log)), j + 1
+        while j - self.power < SHORTEST + int(self.given):
             P, j = P * Q, j + 1
         return P, j, tuple(left)
 
@@ -143,7 +163,9 @@ class QuadraticPower:
     forms: tuple[tuple[sp.Expr, ...], ...]  # of y: a coefficient for each argument, then the offset
     rank: int
     constant: sp.Expr  # c
-    power: sp.Rational
+    power: sp.Rational  # p; if that is a parameter, for the numbers declared
+    exponent: sp.Expr  # p itself
+    log: bool  # whether it is all times the logarithm of the quadratic polynomial
     terms: tuple[tuple[tuple[int, ...], sp.Expr], ...]  # of the polynomial in y
     factor: Univariate | None = None  # g, of the last of the forms, which is an argument itself
     step: float = 0.2
@@ -155,7 +177,8 @@ class QuadraticPower:
     def shape(self) -> Shape:
         """What is to be integrated."""
         monomials = tuple(powers for powers, _ in self.terms)
-        return Shape(len(self.forms), self.rank, monomials, self.power, self.constant == 0, self.factor is not None)
+        given, kinked, cone = not self.exponent.is_number, self.factor is not None, self.constant == 0
+        return Shape(len(self.forms), self.rank, monomials, self.power, cone, kinked, self.log, given)
 
     @property
     def free(self) -> frozenset[sp.Basic]:
@@ -170,7 +193,7 @@ class QuadraticPower:
 
     def expressions(self) -> Iterator[sp.Expr]:
         """Whatever depends on parameters."""
-        yield self.constant
+        yield from (self.constant, self.exponent)
         for row in self.forms:
             yield from row
         if self.factor is not None:

@@ -40,33 +40,41 @@ def quadratic_powers(
     LinearisationError
         If one is so large where the quadratic polynomial is zero that it has no expectation.
     """
-    factors: dict[tuple[sp.Expr, sp.Rational, sp.Expr], sp.Expr] = {}
+    factors: dict[tuple[sp.Expr, sp.Expr, sp.Expr, bool], sp.Expr] = {}
     rest: list[sp.Expr] = []
     for term in sp.Add.make_args(sp.expand_mul(body, deep=False)):
         found = _taken_apart(term, arguments)
         if found is None or sum(found[1].has(z) for z in arguments) < 2:  # a power of one argument separates
             rest.append(term)
         else:
-            factor, *key = found
-            factors[key[0], key[1], key[2]] = factors.get((key[0], key[1], key[2]), sp.S.Zero) + factor
+            factor, key = found[0], found[1:]
+            factors[key] = factors.get(key, sp.S.Zero) + factor
     powers: list[QuadraticPower] = []
-    for (base, power, kinked), factor in factors.items():
-        if (found := _quadratic_power(arguments, (factor, base, power, kinked), where, wish)) is None:
-            rest.append(factor * base**power * kinked)
+    for (base, power, kinked, log), factor in factors.items():
+        if (found := _quadratic_power(arguments, (factor, base, power, kinked, log), where, wish)) is None:
+            rest.append(_product((factor, base, power, kinked, log)))
         else:
             powers.append(found)
     return powers, sp.Add(*rest) if powers else body
 
 
-_Parts = tuple[sp.Expr, sp.Expr, sp.Rational, sp.Expr]
-"""Polynomial, quadratic polynomial, its power, and what is a function of one argument, or one."""
+_Parts = tuple[sp.Expr, sp.Expr, sp.Expr, sp.Expr, bool]
+"""Polynomial, quadratic polynomial, its power, what is a function of one argument, or one, and whether there is a logarithm."""
+
+
+def _product(parts: _Parts) -> sp.Expr:
+    factor, base, power, kinked, log = parts
+    return factor * base**power * kinked * (sp.log(base) if log else 1)
 
 
 def _quadratic_power(arguments: tuple[sp.Symbol, ...], parts: _Parts, where: str, wish: Wish) -> QuadraticPower | None:
-    factor, base, power, kinked = parts
+    factor, base, power, kinked, log = parts
     used = tuple(i for i, z in enumerate(arguments) if any(part.has(z) for part in (factor, base, kinked)))
     symbols = tuple(arguments[i] for i in used)
-    numbers = {s: float(wish.sample.get(s, 1.0)) for s in base.free_symbols - set(symbols) if isinstance(s, sp.Symbol)}
+    free = (base.free_symbols | power.free_symbols) - set(symbols)
+    numbers = {s: float(wish.sample.get(s, 1.0)) for s in free if isinstance(s, sp.Symbol)}
+    if log and not power.is_number:
+        return None
     squares = _completed(base, symbols, numbers)
     if squares is None:
         return None
@@ -78,10 +86,11 @@ def _quadratic_power(arguments: tuple[sp.Symbol, ...], parts: _Parts, where: str
         return None
     if last and kinked.has(sp.exp) and not has_kinks(kinked, last[0]):  # it changes the distribution: see `reduced`
         return None
-    found = _in_forms(used, symbols, factor, squares, power, last)
+    found = _in_forms(used, symbols, factor, squares, last)
     if found is None or len(found.forms) == 1:
         return None
-    found = replace(found, value=factor * base**power * kinked)
+    likely = sp.Rational(str(float(evaluate(power, numbers))))
+    found = replace(found, value=_product(parts), power=likely, exponent=power, log=log)
     if last:
         try:
             function = univariate(kinked, last[0], where, wish)
@@ -100,7 +109,7 @@ def _quadratic_power(arguments: tuple[sp.Symbol, ...], parts: _Parts, where: str
 
 
 def _taken_apart(term: sp.Expr, symbols: tuple[sp.Symbol, ...]) -> _Parts | None:
-    factor, base, power, kinked = sp.S.One, None, sp.S.Zero, sp.S.One
+    factor, base, power, kinked, log = sp.S.One, None, sp.S.Zero, sp.S.One, False
     for part in sp.Mul.make_args(term):
         if part.is_polynomial(*symbols):
             factor *= part
@@ -108,20 +117,32 @@ def _taken_apart(term: sp.Expr, symbols: tuple[sp.Symbol, ...]) -> _Parts | None
         if sum((kinked * part).has(z) for z in symbols) == 1:
             kinked *= part
             continue
-        inner, exponent = part.as_base_exp()
-        if not exponent.is_number or not exponent.is_real or not inner.is_polynomial(*symbols):
+        if isinstance(part, sp.log) and not log:
+            inner, exponent = _as_power(part.args[0])
+            log, factor, exponent = True, factor * exponent, sp.S.Zero
+        else:
+            inner, exponent = _as_power(part)
+        if exponent.has(*symbols) or exponent.is_real is False or not inner.is_polynomial(*symbols):
             return None
         if sp.Poly(inner, *symbols).total_degree() != 2:
             return None
         base = inner if base is None else base
         ratio = sp.cancel(inner / base)
-        if ratio.has(*symbols):
+        if ratio.has(*symbols) or (ratio != 1 and (log or not exponent.is_number)):
             return None
-        rational = sp.Rational(str(exponent))
-        factor, power = factor * ratio**rational, power + rational
-    if base is None or (power.is_Integer and power >= 0):
+        exponent = sp.Rational(str(exponent)) if exponent.is_number else exponent
+        factor, power = factor * ratio**exponent, power + exponent
+    if base is None or (power.is_Integer and power >= 0 and not log):
         return None
-    return factor, base, power, kinked
+    return factor, base, power, kinked, log
+
+
+def _as_power(part: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
+    """Base and exponent, roots in roots taken as one: no base is negative."""
+    base, exponent = part.as_base_exp()
+    while isinstance(base, sp.Pow):
+        base, exponent = base.base, base.exp * exponent
+    return base, exponent
 
 
 @dataclass(frozen=True)
@@ -168,7 +189,6 @@ def _in_forms(
     symbols: tuple[sp.Symbol, ...],
     factor: sp.Expr,
     squares: _Squares,
-    power: sp.Rational,
     last: list[sp.Symbol],
 ) -> QuadraticPower | None:
     """The polynomial in the forms, and in those arguments that are not the pivot of one.
@@ -196,7 +216,8 @@ def _in_forms(
         (*(sp.cancel(sp.diff(form, z)) for z in symbols), sp.cancel(form.subs(dict.fromkeys(symbols, 0))))
         for form in (*squares.forms, *others)
     )
-    return QuadraticPower(used, symbols, factor, forms, squares.rank, squares.constant, power, terms)
+    none = sp.S.Zero
+    return QuadraticPower(used, symbols, factor, forms, squares.rank, squares.constant, none, none, log=False, terms=terms)
 
 
 # -- accuracy ---------------------------------------------------------------------------------------------------------
@@ -216,10 +237,16 @@ def measured(function: QuadraticPower) -> QuadraticPower:
 def error_of(function: QuadraticPower, sample: Mapping[sp.Symbol, float]) -> float:
     """The error of the step that a function has, infinite where with these numbers there is no expectation."""
     numbers = {s: float(sample.get(s, 1.0)) for s in function.free if isinstance(s, sp.Symbol)}
-    least = evaluate(function.constant, numbers)
-    exists = replace(function.shape, cone=bool(least == 0)).exists(0)
+    least, shape = evaluate(function.constant, numbers), function.shape
+    power = float(evaluate(function.exponent, numbers))
+    exists = replace(shape, cone=bool(least == 0), power=sp.Rational(str(power))).exists(0)
     real = all(np.isfinite(evaluate(x, numbers)) for row in function.forms for x in row)
-    return function.error if least >= 0 and exists and real else np.inf
+    if not (least >= 0 and exists and real):
+        return np.inf
+    if not shape.given:
+        return function.error
+    near = abs(power - float(shape.power)) <= 1  # or the sum does not converge, or does not reach far enough
+    return max(function.error, _Cases(replace(shape, kinked=False), power=power).error(function.step)) if near else np.inf
 
 
 def with_count(function: QuadraticPower) -> QuadraticPower:
@@ -235,8 +262,8 @@ def with_count(function: QuadraticPower) -> QuadraticPower:
 class _Cases:
     """Moments on a grid, with c = 1 or 0, and accurate expectations there, against which steps are held."""
 
-    def __init__(self, shape: Shape, ratios: tuple[float, ...] = RATIOS):
-        self.shape, n = shape, shape.size
+    def __init__(self, shape: Shape, ratios: tuple[float, ...] = RATIOS, power: float | None = None):
+        self.shape, self.power, n = shape, power, shape.size
         spreads = (1.0,) if shape.cone else SPREADS  # without c there is no scale
         rows = np.array([(s, q, m, r) for s in spreads for q in ratios for m in MEANS for r in LEANS])
         spread, ratio, mean, lean = rows.T
@@ -271,7 +298,7 @@ class _Cases:
         steps = np.where(k < counts, length / (counts - 1), 0.0)
         with np.errstate(all="ignore"):
             steps_of_t = spread_out(frame.first + np.minimum(k, counts - 1) * (length / (counts - 1)), frame.high, xp)
-            node = Node(shape, frame.tilted(np.exp(steps_of_t[0])), steps_of_t, frame.scale, self.c, xp)
+            node = Node(shape, frame.tilted(np.exp(steps_of_t[0])), steps_of_t, frame.scale, self.c, xp, p=self.power)
             terms = [*node.sums(shape.gains, [1.0] * len(shape.monomials)), node.size()]
             scales = factors(shape, [*shape.gains, shape.gains[0]], frame.scale, xp)
             return np.array([np.sum(term * steps, axis=0) * scale for term, scale in zip(terms, scales, strict=True)])

@@ -24,6 +24,7 @@ from math import exp, gamma, log, nan
 from operator import mul
 
 from cadet_sym.expectation.algebra import Algebra, Number
+from cadet_sym.expectation.gammafunction import digamma, reciprocal_gamma
 from cadet_sym.expectation.quadratic import Row, Shape, Terms, less
 
 LOW = -0.8  # of x, where t begins to fall as the exponential of an exponential
@@ -222,9 +223,8 @@ def _turn(columns: list[list[Number]], r: int, xp: Algebra) -> None:
 
 def lower_end(shape: Shape) -> float:
     """Where t^a is negligible."""
-    a = float(min(row.power for row in shape.gains) - shape.power)
     x = LOW
-    while a * (exp(LOW - x) - x) < NEGLIGIBLE + 2:
+    while shape.least * (exp(LOW - x) - x) < NEGLIGIBLE + 2 + 2 * shape.log:
         x -= 0.05
     return x
 
@@ -242,7 +242,7 @@ def _upper_end(shape: Shape, frame: Frame, first: float, xp: Algebra) -> Number:
     """
     length = frame.high + (log((NEGLIGIBLE + 3) / shape.falls) if shape.cone else FAR_BEYOND) - first
     gain = shape.gains[1].power
-    half = (shape.degree + 2 * gain - shape.exists(1)) / 2  # of the degree of that derivative
+    half = (shape.degree + 2 * gain - shape.is_plain(1)) / 2  # of the degree of that derivative
     places, sizes, least = [first + length * (k / PLACES) for k in range(1, PLACES + 1)], [], []
     for x in places:
         log_t, _ = spread_out(x, frame.high, xp)
@@ -277,8 +277,10 @@ class Node:
         c: Number,
         xp: Algebra,
         factor: Factor = lambda m, p: lambda order: 1.0,
+        p: Number = None,
     ):
         self.shape, self.at, self.scale, self.c, self.xp = shape, at, scale, c, xp
+        self.p = float(shape.power) if p is None else xp.where(shape.allows(p), p, nan)
         self.factor = factor(at.m[-1], at.S[-1])
         self.log_t, slope = steps
         self.t = xp.exp(self.log_t)
@@ -307,9 +309,20 @@ class Node:
     def sums(self, rows: Sequence[Row], coefficients: Sequence[Number]) -> list[Number]:
         """What they add to every row, but for the step and its factor."""
         low = min(row.power for row in rows)
-        weight = self.weight * self.xp.exp(float(low - self.shape.power) * self.log_t)
+        weight = self.weight * self.xp.exp((low - self.p) * self.log_t)
         weights = {power: weight * self.t ** (power - low) for power in {row.power for row in rows}}
+        if self.shape.given:
+            weights = {power: each * self._factor(power) for power, each in weights.items()}
         return [weights[row.power] * self._mean(row, coefficients) for row in rows]
+
+    def _factor(self, power: int) -> Number:
+        """1/(Gamma(a) E[Q]^a), where p is no constant."""
+        a, xp = power - self.p, self.xp
+        return reciprocal_gamma(a, xp) * xp.exp(-a * xp.log(self.scale))
+
+    def log(self, power: int) -> Number:
+        """What stands for log Q beside Q^-a."""
+        return digamma(float(power - self.shape.power)) - self.log_t + self.xp.log(self.scale)
 
     def size(self) -> Number:
         """A measure of |f|, all coefficients one."""
@@ -317,35 +330,39 @@ class Node:
         for i, m in enumerate(self.at.m):
             lengths[i] = self.xp.sqrt(m * m + self.at.S[i * (i + 1) // 2 + i])
         moments = [
-            factor * _product([x**n for x, n in zip(lengths, powers[:-1], strict=True)])
+            factor * _product([x**n for x, n in zip(lengths, powers, strict=False)]) * self.p**of_p
             for terms in row.terms
-            for powers, factor in terms.items()
+            for (*powers, _, _, of_p), factor in terms.items()
         ]
-        return self.weight * self.xp.exp(float(row.power - self.shape.power) * self.log_t) * sum(moments)
+        weight = self.weight * self.xp.exp((row.power - self.p) * self.log_t)
+        weight = weight * self.xp.fabs(self.log(row.power)) if self.shape.log else weight
+        return (weight * self._factor(row.power) if self.shape.given else weight) * sum(moments)
 
     def _mean(self, row: Row, coefficients: Sequence[Number]) -> Number:
         total: Number = 0.0
         for terms, coefficient in zip(row.terms, coefficients, strict=True):
-            value = self._derived(terms, row.left)
+            value = self._derived(terms, row.left, row.power)
             total = total + (value if row.plain else coefficient * value)
         return total
 
-    def _derived(self, terms: Terms, left: tuple[int, ...]) -> Number:
+    def _derived(self, terms: Terms, left: tuple[int, ...], power: int) -> Number:
         """The derivative of E[P exp(-t Q)] in some means over E[exp(-t Q)]."""
         if not left:
             value: Number = 0.0
-            for (*powers, of_c, order), factor in terms.items():
+            for (*powers, of_c, order, log, of_p), factor in terms.items():
                 term = factor * self.moment(tuple(powers), order)
-                value = value + (term * self.c**of_c if of_c else term)
+                for number, exponent in ((self.c, of_c), (self.p, of_p)):
+                    term = term * number**exponent if exponent else term
+                value = value + (term * self.log(power) if log else term)
             return value
         (i, *rest), answers = left, self.at.answers
         steep = -2 * self.t / self.scale  # log E[exp(-t Q)] has the derivative -2 t m_i, m_i the tilted mean
-        value = steep * self.at.m[i] * self._derived(terms, tuple(rest))
+        value = steep * self.at.m[i] * self._derived(terms, tuple(rest), power)
         for k, j in enumerate(rest):
-            value = value + steep * answers[i][j] * self._derived(terms, tuple(rest[:k] + rest[k + 1 :]))
+            value = value + steep * answers[i][j] * self._derived(terms, tuple(rest[:k] + rest[k + 1 :]), power)
         for j in range(self.shape.size):
             if slope := _slope(terms, j, kinked=self.shape.is_kinked_in(j)):
-                value = value + answers[j][i] * self._derived(slope, tuple(rest))
+                value = value + answers[j][i] * self._derived(slope, tuple(rest), power)
         return value
 
 
@@ -356,11 +373,13 @@ def _slope(terms: Terms, j: int, *, kinked: bool) -> Terms:
         if powers[j]:
             found[less(powers, j)] += factor * powers[j]
         if kinked:
-            found[(*powers[:-1], powers[-1] + 1)] += factor
+            found[(*powers[:-3], powers[-3] + 1, *powers[-2:])] += factor
     return found
 
 
 def factors(shape: Shape, rows: Sequence[Row], scale: Number, xp: Algebra) -> list[Number]:
-    """1/(Gamma(a) E[Q]^a) of every row."""
+    """1/(Gamma(a) E[Q]^a) of every row; one where p is no constant, for which `Node` has it."""
+    if shape.given:
+        return [1.0 + 0.0 * scale] * len(rows)
     exponents = [float(row.power - shape.power) for row in rows]
     return [xp.exp(-a * xp.log(scale)) / gamma(a) for a in exponents]

@@ -36,7 +36,7 @@ def quadratic_moments(function: QuadraticPower, joint: Joint) -> tuple[ca.SX, di
     known = [] if shape.cone else [value(function.constant)]
     known += [value(coefficient) for _, coefficient in function.terms]
     free = tuple(sorted(function.free, key=str)) if function.factor else ()
-    known += [value(symbol) for symbol in free]
+    known += [value(symbol) for symbol in free] + [value(function.exponent)] * shape.given
     moments = ca.vertcat(m, *(S[i, j] for i in range(shape.size) for j in range(i + 1)), *known)
     what = _Integrand(shape, function.factor, free)
     found = (_in_line(what, function.count) if function.count else _expectation(what, function.step))(moments)
@@ -52,9 +52,13 @@ class _Integrand:
     factor: Univariate | None
     free: tuple[sp.Symbol, ...]
 
+    def exponent(self, parameters: Sequence[ca.SX]) -> ca.SX | None:
+        """p, the last of the parameters, if it is one."""
+        return parameters[-1] if self.shape.given else None
+
     def expectations(self, parameters: Sequence[ca.SX]) -> Factor:
         """E[g] and its derivatives."""
-        env, factor = dict(zip(self.free, parameters, strict=True)), self.factor
+        env, factor = dict(zip(self.free, parameters[: len(self.free)], strict=True)), self.factor
         if factor is None:
             return lambda m, p: lambda order: ca.SX(1)
         return lambda m, p: partial(Gaussian(m, p, env).expectation, factor)
@@ -62,7 +66,7 @@ class _Integrand:
 
 @lru_cache(maxsize=256)
 def _expectation(what: _Integrand, step: float) -> ca.Function:
-    """(means of y, covariances, c if it is not zero, coefficients, parameters of g) -> E[f] and its gains.
+    """(means of y, covariances, c if it is not zero, coefficients, parameters of g, p if that is given) -> E[f] and its gains.
 
     By the heat equation dF/dS_ii = (1/2) d2F/dm_i^2, dF/dS_ij = d2F/dm_i dm_j: finite without variance.
     """
@@ -84,9 +88,9 @@ def _expectation(what: _Integrand, step: float) -> ca.Function:
     rows += [[*(derivative(k, i) for i in range(n)), *heat(k)] for k in range(n)]
     slopes = ca.reshape(found[len(curved) :], n + 1, len(more) // (n + 1))
     jacobian = ca.horzcat(ca.vertcat(*(ca.horzcat(*row) for row in rows)), slopes)
-    if what.free:
+    if sums.parameters:
         moved = _Sums(what, shape.gains, FINER * step, shape.floor(3), by_parameters=True).function()(v)
-        jacobian = ca.horzcat(jacobian, ca.reshape(moved, n + 1, len(what.free)))
+        jacobian = ca.horzcat(jacobian, ca.reshape(moved, n + 1, len(sums.parameters)))
     return with_derivative(v, sums.function()(v), ca.Function("jac_called", [v, out], [jacobian], ["v", "out_F"], ["jac_F_v"]))
 
 
@@ -102,7 +106,9 @@ def _in_line(what: _Integrand, count: int) -> ca.Function:
     for k in range(count):
         steps = spread_out(first + (last - first) * (k / (count - 1)), high, xp)
         at = tilted(shape, sums.m, sums.S, c, ca.exp(steps[0]) / scale, xp)
-        node = Node(shape, at, steps, scale, c, xp, what.expectations(sums.parameters))
+        node = Node(
+            shape, at, steps, scale, c, xp, what.expectations(sums.parameters), what.exponent(sums.parameters)
+        )
         total += ca.vertcat(*node.sums(shape.gains, sums.coefficients))
     total *= (last - first) / (count - 1) * ca.vertcat(*factors(shape, shape.gains, scale, xp))
     return ca.Function("quadratic", [sums.v], [total])
@@ -110,7 +116,7 @@ def _in_line(what: _Integrand, count: int) -> ca.Function:
 
 @dataclass
 class _Sums:
-    """Some rows under one distribution, or their derivatives in the parameters of g, parameter by parameter."""
+    """Some rows under one distribution, or their derivatives in the parameters of g and p, parameter by parameter."""
 
     what: _Integrand
     rows: Sequence[Row]
@@ -122,7 +128,7 @@ class _Sums:
         self.shape = self.what.shape
         n, known = self.shape.size, int(not self.shape.cone)
         size = n * (n + 1) // 2
-        self.v = ca.SX.sym("v", n + size + known + len(self.shape.monomials) + len(self.what.free))
+        self.v = ca.SX.sym("v", n + size + known + len(self.shape.monomials) + len(self.what.free) + self.shape.given)
         parts = ca.vertsplit(self.v)
         self.m, self.S = parts[:n], parts[n : n + size]
         self.c = parts[n + size] if known else ca.SX(0)
@@ -166,7 +172,8 @@ class _Sums:
         coefficients, parameters = others[: len(self.coefficients)], others[len(self.coefficients) :]
         steps = spread_out(x, frame.high, XP)
         expectations = self.what.expectations(parameters)
-        node = Node(self.shape, frame.tilted(ca.exp(steps[0])), steps, frame.scale, c, XP, expectations)
+        p = self.what.exponent(parameters)
+        node = Node(self.shape, frame.tilted(ca.exp(steps[0])), steps, frame.scale, c, XP, expectations, p)
         terms = [ca.sum2(ca.SX(term) + ca.SX.zeros(1, together)) for term in node.sums(self.rows, coefficients)]
         total = ca.vertcat(*terms)
         if self.by_parameters:
