@@ -175,7 +175,7 @@ def test_a_twin_with_wrong_moments_is_found_out(figure_2):
     twin = twin_of(figure_2, np.array([3.0]))
     wrong = dataclasses.replace(twin, covariance=1.3 * twin.covariance)
     run = simulate(figure_2.model, 1000, times=[3.0], step=0.02, check_step=False, twin=wrong)
-    assert any("are estimated without it" in note for note in run.notes)
+    assert any("without it are estimated" in note for note in run.notes)
     assert run.variance["x"][0] == run.moments.variance[0, 0]
 
 

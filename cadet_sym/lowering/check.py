@@ -29,6 +29,7 @@ TOLERANCE = {1: 1e-12, 2: 1e-10, 3: 1e-7}  # asked of the adaptive integration, 
 BUDGET = {1: 4_000_000, 2: 30_000_000, 3: 60_000_000}  # evaluations of f for all cases together
 SURE = 1e-8  # error of the integration itself from which on a case is told apart
 BESIDE = 1e-12
+WAYS = 40  # in which f is looked at around a point
 SINGULAR = 1e-10  # variance along an axis, of standardised arguments, over the largest: it is taken to be none
 MOST_AXES = 2  # on which functions of more than three arguments are looked at
 
@@ -241,10 +242,11 @@ def _without_variance(
     df: DescribingFunction, numbers: Mapping[sp.Symbol, float], mean: np.ndarray, found: float, scale: float
 ) -> Row:
     """At a jump the mean of its two sides is wanted; either side will do where rounding moves the mean off it."""
-    beside = BESIDE * (1 + np.abs(mean))
-    sides = [float(_value(df, numbers, mean + sign * beside)) for sign in (-1, 0, 1)]
-    plain = min((sum(sides[::2]) / 2, *sides), key=lambda value: abs(found - value))
-    around = np.abs([_value(df, numbers, mean + side * scale) for side in (-1, -0.3, -0.1, 0, 0.1, 0.3, 1)])
+    ways = np.random.default_rng(0).normal(size=(WAYS, len(mean)))
+    sides = np.array([_value(df, numbers, mean + side * BESIDE * (1 + np.abs(mean)) * ways) for side in (-1, 1)])
+    likely = [float(_value(df, numbers, mean)), *sides.ravel().tolist(), *sides.mean(axis=0).tolist()]
+    plain = min(likely, key=lambda value: abs(found - value))
+    around = np.abs(_value(df, numbers, mean + scale * ways))
     return abs(found - plain) / max(around.max(), 1e-300), False, found, plain
 
 

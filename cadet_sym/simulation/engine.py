@@ -229,7 +229,7 @@ def _notes(chosen: Chosen, doubted: Sequence[str], found: Collected, given_up: b
         )
     if doubted:
         notes.append(
-            f"The twin's simulated moments are not those given with it: {', '.join(doubted)} are estimated without it."
+            f"The twin's simulated moments are not those given with it: without it are estimated {', '.join(doubted)}."
         )
     if found.diverged:
         notes.append(
