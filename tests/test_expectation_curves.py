@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 from dataclasses import replace
 from itertools import product
 
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from conftest import half
+from exported import build, sources
 from gaussian_integrals import covariance, two
 from sympy.core.symbol import Str
 
@@ -161,7 +163,7 @@ def test_series_and_pairs_agree_and_so_do_their_jacobians(monkeypatch):
             assert np.array(slopes) == pytest.approx(np.array(others), rel=1e-8, abs=1e-8 * np.abs(np.array(others)).max())
 
 
-def test_a_half_car_with_long_tables_runs_and_says_why_it_is_not_exported(tmp_path):
+def test_a_half_car_with_long_tables_runs_is_exported_and_says_why_it_is_no_matlab(tmp_path):
     rows = [f"{1000 * z:.6g},{1500 * np.tanh(2 * z):.6g}" for z in np.linspace(-1.5, 1.5, 60)]
     (tmp_path / "damper.csv").write_text("velocity [mm/s],force [N]\n" + "\n".join(rows))
     (tmp_path / "half.toml").write_text(MODEL)
@@ -169,7 +171,12 @@ def test_a_half_car_with_long_tables_runs_and_says_why_it_is_not_exported(tmp_pa
     history = compiled.propagate()
     assert history.std["acceleration"][-1] > 0
     with pytest.raises(cs.ExportError, match="output `acceleration`: a product of two measured curves takes 3364 pairs"):
-        compiled.export_c(tmp_path / "c")
+        compiled.export_c(tmp_path / "m", matlab=True)
+    folder = compiled.export_c(tmp_path / "c", prefix="half")
+    assert sum(path.stat().st_size for path in sources(folder)) < 1.5e6
+    made = build(folder, tmp_path / "test", [*sources(folder), folder / "test.c"], "-O1")
+    run = subprocess.run([made], capture_output=True, text=True, timeout=60)
+    assert run.returncode == 0, run.stdout
 
 
 @pytest.mark.parametrize("method", ["linear", "monotone"])
