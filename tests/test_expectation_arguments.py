@@ -19,6 +19,7 @@ from sympy.core.symbol import Str
 import cadet_sym as cs
 from cadet_sym.errors import ExpectationWarning, LinearisationError
 from cadet_sym.expectation import describing_function
+from cadet_sym.expectation.adaptive import integrate
 from cadet_sym.language.expression import parse, symbol
 from cadet_sym.language.numeric import evaluate
 from cadet_sym.language.vocabulary import Lookup
@@ -371,3 +372,24 @@ def test_nodes_are_the_same_in_every_process():
         env = {**os.environ, "PYTHONHASHSEED": seed}
         found.add(subprocess.run(words, cwd=ROOT, env=env, capture_output=True, check=True).stdout)
     assert len(found) == 1
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "clip(x, -c, c) if x**2 - y > d else y", "clip(x, -c, c) if tanh(x) > y else 0",
+        "abs(x - c) if y > x**2 else abs(x + c)*y", "abs(abs(x) - d) if y > c*x**2 else 0",
+    ],
+)  # fmt: skip
+def test_conditionals_on_a_curve_may_hold_kinks_at_parameters(text):
+    """A kink inside another was lost: clip(x, -1, 1) where x^2 - y > 0.5 gave 0.427 for 0.320."""
+    c, d = symbol("c"), symbol("d")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        df = describing_function((X, Y), parse(text), values={c: 1.0, d: 0.5})
+    function, (mean, L) = element_function(df, (c, d)), (np.array([0.3, -0.5]), np.array([[0.9, 0.0], [0.5, 1.1]]))
+    for numbers in ({c: 1.0, d: 0.5}, {c: 0.4, d: 0.8}):
+        truth = integrate((X, Y), parse(text), numbers, mean, L, tolerance=1e-5, most=1_000_000)
+        F, gain = function(mean, (L @ L.T)[np.tril_indices(2)], list(numbers.values()))
+        assert float(F) == pytest.approx(truth.value, abs=1e-4 * truth.size + 3 * truth.error)
+        assert L.T @ np.array(gain).ravel() == pytest.approx(truth.moments, abs=1e-4 * truth.size + 3 * truth.error)

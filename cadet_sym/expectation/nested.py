@@ -254,14 +254,44 @@ def _cells(
             return cells
     except LinearisationError:
         pass
-    z = splitter.z
-    own = {factor for expr in switching_functions(body, z) for factor in _factors(expr) if not factor.has(*rest)}
-    points = _distinct(_meetings(own | _differences(inner(body), z), z))
-    if len(points) > 1 and not all(point.is_number for point in points):
-        return None
-    bounds = [sp.S.NegativeInfinity, *points, sp.S.Infinity]
-    cells = [Cell.between(low, high) for low, high in pairwise(bounds)]
-    return [(cell, _decided(body, z, rest, {**wish.sample, z: _inside(cell, wish)})) for cell in cells]
+    z, cells = splitter.z, []
+    for whole, value in _settled(splitter, body, Cell(), rest):
+        own = {factor for expr in switching_functions(value, z) for factor in _factors(expr) if not factor.has(*rest)}
+        points = _distinct(_meetings(own | _differences(inner(value), z), z))
+        if len(points) > 1 and not all(point.is_number for point in points):
+            return None
+        for low, high in pairwise([None, *points, None]):
+            cell = whole if low is None else whole.above(low)
+            cell = cell if high is None or cell is None else cell.below(high)
+            if cell is None:
+                continue
+            decided = _decided(value, z, rest, {**wish.sample, z: _inside(cell, wish)})
+            if decided != value and _is_empty(cell, wish):  # for other numbers of the parameters it may not be so
+                return None
+            cells.append((cell, decided))
+    return cells
+
+
+def _settled(splitter: Splitter, body: sp.Expr, cell: Cell, rest: tuple[sp.Symbol, ...]) -> Partition:
+    """The function cut where switches of the outer argument alone turn, without these; others stay."""
+    kinds = (Relational, sp.sign, sp.Heaviside, sp.Abs, sp.Max, sp.Min)
+    own = [e for e in body.atoms(*kinds) if e.has(splitter.z) and not e.has(*rest)]
+    if not own:
+        return [(cell, body)]
+    switch = min(own, key=lambda e: (sp.count_ops(e), sp.default_sort_key(e)))  # one that holds no other
+    if isinstance(switch, Relational):
+        parts = [(c, sp.true if holds else sp.false) for c, holds in splitter.region(switch, cell)]
+    else:
+        parts = splitter.split(switch, cell)
+    return [piece for c, value in parts for piece in _settled(splitter, body.xreplace({switch: value}), c, rest)]
+
+
+def _is_empty(cell: Cell, wish: Wish) -> bool:
+    """Whether there is nothing in a cell for the declared numbers of the parameters."""
+    if not all(bound.free_symbols <= wish.sample.keys() for bound in (*cell.lowers, *cell.uppers)):
+        return False
+    low = max((evaluate(bound, wish.sample) for bound in cell.lowers), default=-np.inf)
+    return bool(low >= min((evaluate(bound, wish.sample) for bound in cell.uppers), default=np.inf))
 
 
 def _factors(expr: sp.Expr) -> list[sp.Expr]:
@@ -295,17 +325,12 @@ def _meetings(differences: set[sp.Expr], z: sp.Symbol) -> set[sp.Expr]:
 
 
 def _decided(body: sp.Expr, z: sp.Symbol, rest: tuple[sp.Symbol, ...], numbers: Mapping[sp.Symbol, float]) -> sp.Expr:
-    """The function on a cell of the outer argument, where it is known which side every switch of that alone is on."""
-
-    def is_settled(expr: sp.Basic) -> bool:
-        switches = isinstance(expr, Relational | sp.sign | sp.Heaviside | sp.Abs | sp.Max | sp.Min)
-        return switches and expr.has(z) and not expr.has(*rest) and expr.free_symbols <= numbers.keys()
+    """The function on a cell of the outer argument, on which a factor of a switch that holds it alone has one sign."""
 
     def is_mixed(expr: sp.Basic) -> bool:
         return isinstance(expr, sp.sign | sp.Heaviside | sp.Abs | Relational) and expr.has(z) and expr.has(*rest)
 
     def parted(expr: sp.Basic) -> sp.Basic:
-        """A factor that holds the outer argument alone has one sign on the cell."""
         whole = expr.lhs - expr.rhs if isinstance(expr, Relational) else expr.args[0]
         own = sp.Mul(*(f for f in _factors(whole) if not f.has(*rest) and f.has(z) and f.free_symbols <= numbers.keys()))
         if own == 1:
@@ -317,16 +342,7 @@ def _decided(body: sp.Expr, z: sp.Symbol, rest: tuple[sp.Symbol, ...], numbers: 
             return sp.Heaviside(side * others, *expr.args[1:])
         return side * sp.sign(others) if isinstance(expr, sp.sign) else side * own * sp.Abs(others)
 
-    def settled(expr: sp.Basic) -> sp.Basic:
-        if isinstance(expr, sp.Abs):
-            return expr.args[0] if evaluate(expr.args[0], numbers) > 0 else -expr.args[0]
-        if isinstance(expr, sp.Max | sp.Min):
-            choose = max if isinstance(expr, sp.Max) else min
-            return choose(expr.args, key=lambda e: evaluate(e, numbers))
-        value = evaluate(expr, numbers)
-        return sp.sympify(bool(value)) if isinstance(expr, Relational) else sp.Integer(int(value))
-
-    return body.replace(is_settled, settled).replace(is_mixed, parted)
+    return body.replace(is_mixed, parted)
 
 
 def _differences(df: DescribingFunction, z: sp.Symbol) -> set[sp.Expr]:
