@@ -20,6 +20,7 @@ from cadet_sym.errors import LinearisationError
 from cadet_sym.expectation import describing_function
 from cadet_sym.expectation.adaptive import integrate
 from cadet_sym.expectation.homogeneous import homogeneous
+from cadet_sym.expectation.nested import nested
 from cadet_sym.expectation.quadratic import QuadraticPower
 from cadet_sym.expectation.quadrature import Wish
 from cadet_sym.expectation.reduced import Reduced
@@ -34,6 +35,7 @@ TWO = [
     "sqrt(x**2 + y**2)", "x/sqrt(x**2 + y**2)", "y*sqrt(x**2 + y**2 + 0.01)", "y**3/(x**2 + x*y + 2*y**2)",
     "x/(1 + x**2 + y**2)", "(1 - 1/sqrt(1 + x**2 + y**2))*y", "((x - 1)**2 + (y + 2)**2 + 0.1)**1.5",
     "x*y*(x**2 + 3*y**2)**(-0.7)", "y*abs(x)*sqrt(x**2 + y**2 + 1)",
+    "tanh(3*y)*x/sqrt(x**2 + y**2 + 0.1)",
     "y*log(0.3 + x**2 + y**2)", "x*log(sqrt(x**2 + 2*y**2))", "x*log(1 + x**2 + y**2)/(1 + x**2 + y**2)",
 ]  # fmt: skip
 THREE = [
@@ -42,6 +44,7 @@ THREE = [
     "x/(x**2 + y**2 + w**2)**1.5", "w/(x**2 + x*y + y**2 + y*w + w**2 + 1)", "x*y*w*sqrt(1 + (x + y)**2)",
     "max(w, 0)*x/sqrt(x**2 + y**2 + 0.04)", "clip(w, -1, 0.9)*x*sqrt(x**2 + y**2)",
     "exp(-abs(w))*sin(w)*x*sqrt(x**2 + y**2 + 1)", "max(w, 0)*log(0.2 + x**2 + y**2 + x*y)",
+    "tanh(w)*x/sqrt(x**2 + y**2 + 0.04)",
 ]  # fmt: skip
 CORRELATIONS = [-0.999999, -0.95, 0.0, 0.5, 1.0]
 
@@ -361,13 +364,24 @@ def test_a_kink_may_stand_at_a_parameter():
         assert np.array(slopes([0.1, 0.5]))[:, j] == pytest.approx((up - down) / 2e-4, rel=1e-6, abs=1e-8)
 
 
-def test_friction_under_a_load_that_varies_by_itself_is_a_product():
-    text = "max(w, 0)*x/sqrt(x**2 + y**2 + 0.04)"
+@pytest.mark.parametrize("load", ["max(w, 0)", "tanh(w)", "tanh(2*w - 1)"])
+def test_friction_under_a_load_that_varies_by_itself_is_a_product(load):
+    text = f"{load}*x/sqrt(x**2 + y**2 + 0.04)"
     mean, S = moments(3, 0.5)
     S[2, :2] = S[:2, 2] = 0
-    load = element_function(describing_function((NAMES[2],), parse("max(w, 0)")), ())(mean[2], S[2, 2], [])[0]
+    factor = element_function(describing_function((NAMES[2],), parse(load)), ())(mean[2], S[2, 2], [])[0]
     friction = found(function_of("x/sqrt(x**2 + y**2 + 0.04)"), mean[:2], S[:2, :2])
-    assert found(function_of(text), mean, S)[:3] == pytest.approx(float(load) * friction, rel=1e-11)
+    assert found(function_of(text), mean, S)[:3] == pytest.approx(float(factor) * friction, rel=1e-11)
+
+
+def test_a_smooth_factor_is_that_of_integrals_over_two_variables():
+    """tanh(w) x/r with w = a x + b y + rest: the integral over w of what is left of the others."""
+    text, arguments = "tanh(w)*x/sqrt(x**2 + y**2 + 1)", tuple(NAMES[:3])
+    other = nested(arguments, (0, 1, 2), parse(text), "it", Wish({}))
+    function = element_function(dataclasses.replace(describe(text), products=(other,)), ())
+    for rho in (0.0, 0.5, -0.9):
+        mean, S = moments(3, rho)
+        assert found(function_of(text), mean, S) == pytest.approx(found(function, mean, S), rel=1e-7, abs=1e-8)
 
 
 @pytest.mark.parametrize(

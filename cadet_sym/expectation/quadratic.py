@@ -12,7 +12,7 @@ power in its exponent, d/dp Q^p = Q^p log Q, under the integral with a = -p:
 
     Q^-a log Q = 1/Gamma(a) int_0^inf (psi(a) - log t) t^(a-1) exp(-t Q) dt.
 
-A factor g that is in closed form in one argument (a normal load that cannot pull, max(N, 0)) is one more y, and comes under
+A factor g of one argument (a normal load that cannot pull, max(N, 0); a smooth one, as tanh(w)) is one more y, and comes under
 the integral as its expectation and the derivatives of that, which Stein's lemma asks for.
 """
 

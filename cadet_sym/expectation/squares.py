@@ -20,6 +20,7 @@ from cadet_sym.language.numeric import evaluate
 
 MAX_ARGUMENTS = 6  # a polynomial in more has too many moments
 MOST_DEGREE, MOST_TERMS = 8, 40
+MOST_NODES = 160  # of a factor that is integrated at every node of the other integral
 FIXED, LITTLE = (40, 48, 56, 64, 80, 96), 1e-9  # nodes of a sum that is written out, and its error
 STEPS = (0.4, 0.35, 0.3, 0.27, 0.24, 0.21, 0.18, 0.15)
 FINEST = 0.08
@@ -96,7 +97,9 @@ def _quadratic_power(arguments: tuple[sp.Symbol, ...], parts: _Parts, where: str
             function = univariate(kinked, last[0], where, wish)
         except LinearisationError:
             return None
-        if function.integrals or function.error_functions or function.tables:  # not every derivative in closed form
+        if function.is_singular or function.error_functions or function.tables:  # not every derivative is to be had
+            return None
+        if sum(part.nodes for part in function.integrals) > MOST_NODES:
             return None
         found = replace(found, factor=function)
     if least == 0 and not replace(found.shape, cone=True).exists(0):
@@ -105,6 +108,8 @@ def _quadratic_power(arguments: tuple[sp.Symbol, ...], parts: _Parts, where: str
             "add a positive number to that"
         )
     best = measured(found)
+    if best.factor is not None:
+        best = replace(best, error=max(best.error, best.factor.error))
     return best if best.error <= WARNED else None
 
 

@@ -18,6 +18,7 @@ from cadet_sym.expectation.polar import Homogeneous
 from cadet_sym.expectation.quadratic import QuadraticPower
 from cadet_sym.expectation.reduced import Reduced
 from cadet_sym.expectation.switched import Switched
+from cadet_sym.expectation.univariate import Univariate
 from cadet_sym.language.expression import symbol
 from cadet_sym.lowering.survey import describing_functions
 from cadet_sym.warning import warn
@@ -69,12 +70,17 @@ def _errors(df: DescribingFunction, numbers: Mapping[sp.Symbol, float]) -> Itera
             yield homogeneous.error_of(product, numbers)
         elif isinstance(product, QuadraticPower):
             yield squares.error_of(product, numbers)
+            yield from _of_integrals(product.factor, numbers) if product.factor is not None else ()
         elif isinstance(product, Switched):
             yield switching.error_of(product, numbers)
         elif isinstance(product, Reduced):
             yield from _errors(product.core, numbers)
         elif isinstance(product, Product):
             for _, function in product.functions:
-                for part in function.integrals:
-                    found = accuracy.error_of(part, numbers, 1.0)
-                    yield found if np.isfinite(found) else np.inf
+                yield from _of_integrals(function, numbers)
+
+
+def _of_integrals(function: Univariate, numbers: Mapping[sp.Symbol, float]) -> Iterator[float]:
+    for part in function.integrals:
+        found = accuracy.error_of(part, numbers, 1.0)
+        yield found if np.isfinite(found) else np.inf
