@@ -1,4 +1,4 @@
-"""Roots of two arguments up to full correlation, where one is seen on every scale by the integral over the other."""
+"""Roots, and jumps along curves, of two arguments up to full correlation, where one is steep in the integral over the other."""
 
 from __future__ import annotations
 
@@ -25,6 +25,16 @@ CORRELATIONS = (-1.0, 1.0, 0.999999, 0.0)
     ],
 )
 def test_a_root_is_right_at_any_correlation(text):
+    compare(text, bends_at_full=1e-4)  # of full correlation a part of 1e-11 is left out, on which a root is steep
+
+
+@pytest.mark.parametrize("text", ["sign(x*y - 0.7)*tanh(x)", "sign(x*y + 0.4)*abs(x)", "sign(x**2 + y**2 - 1)*tanh(x)"])
+def test_a_jump_along_a_curve_is_right_at_any_correlation(text):
+    compare(text, bends_at_full=np.inf)
+
+
+def compare(text: str, bends_at_full: float) -> None:
+    """Value, gains and slopes with the integral, in its standard deviations and relative to E|f|."""
     x, y = symbol("x"), symbol("y")
     df = describing_function((x, y), parse(text))
     v = ca.SX.sym("v", 5)
@@ -36,7 +46,8 @@ def test_a_root_is_right_at_any_correlation(text):
             found, slopes = (np.array(each) for each in function([*mean, *(L @ L.T)[np.tril_indices(2)]]))
             wanted = truth(*exact, mean, L, 1e-10)
             assert wanted.error < 1e-10
+            assert np.all(np.isfinite(slopes))
             assert found[0, 0] == pytest.approx(wanted.value, abs=2e-9 * wanted.size)
             assert L.T @ found[1:, 0] == pytest.approx(wanted.gains, abs=2e-9 * wanted.size)
-            within = 1e-6 if abs(rho) < 1 else 1e-4  # of full correlation a part of 1e-13 is left out, on which a root is steep
+            within = 1e-6 if abs(rho) < 1 else bends_at_full
             assert pytest.approx(wanted.bends, abs=within * wanted.size) == L.T @ slopes[1:, :2] @ L

@@ -27,7 +27,8 @@ WITH_STEPS = Rule(1, 24, straight=32, power=GRADING)
 WITH_STEPS_AND_POLES = Rule(1, 40, straight=40, power=GRADING)
 WITH_CURVES = Rule(3, 24, straight=32)
 WITH_ROOTS = Rule(2, 44, straight=32, graded=32, power=GRADING)
-AT_ENDS = Rule(1, 16, straight=24, graded=20)
+AT_ENDS = Rule(3, 32, straight=48, graded=48)
+AT_ENDS_OF_SUMS = Rule(1, 16, straight=24, graded=20)  # where every node is a sum over nodes itself
 TRAPEZOIDAL = Rule(order=80)
 TRAPEZOIDAL_AT_ROOT = Rule(order=120)
 WITH_POLES = Rule(order=56, straight=40)
@@ -112,8 +113,11 @@ def _curve(position: sp.Expr, z: sp.Symbol) -> sp.Expr | None:
     return curve if curve.is_polynomial(z, y) and sp.total_degree(curve, z, y) == 2 else None
 
 
-def ruled(part: Integral, crossings: tuple[Crossing, ...], *, plain: bool) -> Integral:
-    """The stretch with its rule and a place kept for every crossing, whose centre and width follow from the moments."""
+def ruled(part: Integral, crossings: tuple[Crossing, ...], *, sums: bool, plain: bool) -> Integral:
+    """The stretch with its rule and a place kept for every crossing, whose centre and width follow from the moments.
+
+    `sums` is whether the expectation over the other arguments is a sum over nodes itself.
+    """
     roots = [crossing.root and not plain for crossing in crossings]
     kinds = [(crossing.width is None and not root, root) for crossing, root in zip(crossings, roots, strict=True)]
     places = (Steep(sp.S.Zero, sp.S.One, step=step, root=root) for step, root in kinds)
@@ -128,5 +132,6 @@ def ruled(part: Integral, crossings: tuple[Crossing, ...], *, plain: bool) -> In
     elif any(place.step for place in part.steep) or any(part.singular):
         on_curves = any(crossing.curve is not None for crossing in crossings)
         with_steps = WITH_STEPS if all(place.step for place in part.steep) else WITH_STEPS_AND_POLES
-        rule = (AT_ENDS if any(part.singular) else WITH_CURVES) if on_curves else with_steps
+        at_ends = AT_ENDS_OF_SUMS if sums else AT_ENDS
+        rule = (at_ends if any(part.singular) else WITH_CURVES) if on_curves else with_steps
     return replace(part, rule=rule)

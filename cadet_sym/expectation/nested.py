@@ -216,7 +216,8 @@ def _over(
     inside = max((piece.inner.error for piece in slices), default=0.0)
     error = max(error, inside) if inside >= CURVED_ERROR else error
     crossings = tuple(c for c in crossed if c.width is None or not wish.plain)
-    ready = tuple(replace(s, part=ruled(s.part, crossings, plain=wish.plain)) for s in slices)
+    kinds = [{"sums": s.inner.nodes > 0, "plain": wish.plain} for s in slices]
+    ready = tuple(replace(s, part=ruled(s.part, crossings, **kind)) for s, kind in zip(slices, kinds, strict=True))
     return Nested(outer, others, ready, tuple(steps), crossings, PLAIN_ERROR if wish.plain else error)
 
 

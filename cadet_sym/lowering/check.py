@@ -32,6 +32,7 @@ BESIDE = 1e-12
 WAYS = 40  # in which f is looked at around a point
 SINGULAR = 1e-10  # variance along an axis, of standardised arguments, over the largest: it is taken to be none
 MOST_AXES = 2  # on which functions of more than three arguments are looked at
+BEYOND, HARDLY = 8.0, 1e-6  # deviations at which |f| is looked at, and the part of it that an error is relative to at least
 
 
 @dataclass(frozen=True, repr=False)
@@ -276,7 +277,10 @@ class Truth:
         L = np.linalg.cholesky(covariance[np.ix_(order, order)])
         arguments = tuple(df.arguments[k] for k in order)
         found = integrate(arguments, df.body, numbers, mean[order], L, tolerance=tolerance, most=most)
-        size, back = max(found.size, 1e-300), np.linalg.inv(L).T[np.argsort(order)]
+        back = np.linalg.inv(L).T[np.argsort(order)]
+        ways = BEYOND * L[np.argsort(order)].T
+        far = np.abs([_value(df, numbers, mean + side * way) for way in ways for side in (-1, 1)])  # hardly ever met
+        size = max(found.size, HARDLY * np.max(far, where=np.isfinite(far), initial=0.0), 1e-300)
         units = np.array([size, *(size / np.sqrt(np.diag(covariance)))])
         errors = found.error * np.array([1.0, *np.linalg.norm(back, axis=1)])
         return Truth(np.array([found.value, *(back @ found.moments)]), units, errors / units, found.evaluations)
