@@ -33,12 +33,13 @@ from cadet_sym.expectation.switched import Switched
 from cadet_sym.expectation.switching import switched
 from cadet_sym.expectation.tables import written_out
 from cadet_sym.expectation.univariate import Univariate, univariate
+from cadet_sym.expectation.waves import Waves, waves
 from cadet_sym.language.vocabulary import Lookup
 
 MAX_ARGUMENTS = 3  # of a function that is not a sum of products
 MAX_TERMS = 400
 
-Integrated = Nested | Planar | Homogeneous | Switched | QuadraticPower | Reduced
+Integrated = Nested | Planar | Homogeneous | Switched | QuadraticPower | Reduced | Waves
 """What is left to an integral of several arguments, or reduced to what is."""
 
 
@@ -146,7 +147,9 @@ def products(
             found.append(product)
         else:
             rest.append(product)
-    if rest and (whole := homogeneous(arguments, _used(arguments, body), body, wish)) is not None:
+    closed, rest = waves(arguments, rest, where, wish)
+    found.extend(closed)
+    if rest and not closed and (whole := homogeneous(arguments, _used(arguments, body), body, wish)) is not None:
         return (*powers, whole)
     fewer, rest = reduced(arguments, rest, where, wish)
     found.extend(fewer)

@@ -16,6 +16,7 @@ from cadet_sym.expectation.polar import Homogeneous
 from cadet_sym.expectation.quadratic import QuadraticPower
 from cadet_sym.expectation.reduced import Reduced
 from cadet_sym.expectation.switched import Switched
+from cadet_sym.expectation.waves import Waves
 from cadet_sym.lowering.columns import curves
 from cadet_sym.lowering.gaussian import Gaussian
 from cadet_sym.lowering.nested import nested_moments
@@ -25,6 +26,7 @@ from cadet_sym.lowering.polar import polar_moments
 from cadet_sym.lowering.quadratic import quadratic_moments
 from cadet_sym.lowering.reduced import reduced_moments
 from cadet_sym.lowering.switched import switched_moments
+from cadet_sym.lowering.waves import waves_moments
 
 
 @dataclass
@@ -86,6 +88,8 @@ class Joint:
             return quadratic_moments(product, self)
         if isinstance(product, Homogeneous):
             return polar_moments(product, self)
+        if isinstance(product, Waves):
+            return waves_moments(product, self)
         if isinstance(product, Reduced):
             return reduced_moments(product, self)
         if isinstance(product, Switched):

@@ -24,6 +24,7 @@ from cadet_sym.expectation.smooth import with_counts
 from cadet_sym.expectation.squares import with_count
 from cadet_sym.expectation.switched import Switched
 from cadet_sym.expectation.switching import with_order
+from cadet_sym.expectation.waves import Waves
 from cadet_sym.language.expression import symbol
 from cadet_sym.linearisation import Nonlinearity
 from cadet_sym.lowering.survey import with_elements
@@ -83,6 +84,8 @@ def _fixed(part: Part, where: str, numbers: Mapping[sp.Symbol, float]) -> Part:
         return part.written_with(lambda df: _function(df, where, numbers))
     if isinstance(part, Switched):
         return with_order(part, ORDER, numbers)
+    if isinstance(part, Waves):
+        return part
     if part.pairs > MANY_PAIRS:
         raise ExportError(
             f"{where}: a product of two measured curves takes {part.pairs} pairs of their rows, too many to write out; "
