@@ -25,7 +25,7 @@ CORRELATIONS = (-1.0, 1.0, 0.999999, 0.0)
     ],
 )
 def test_a_root_is_right_at_any_correlation(text):
-    compare(text, bends_at_full=1e-4)  # of full correlation a part of 1e-11 is left out, on which a root is steep
+    compare(text, bends_at_full=1e-4)  # of full correlation a part of 1e-12 is left out, on which a root is steep
 
 
 @pytest.mark.parametrize("text", ["sign(x*y - 0.7)*tanh(x)", "sign(x*y + 0.4)*abs(x)", "sign(x**2 + y**2 - 1)*tanh(x)"])
@@ -47,7 +47,7 @@ def compare(text: str, bends_at_full: float) -> None:
             wanted = truth(*exact, mean, L, 1e-10)
             assert wanted.error < 1e-10
             assert np.all(np.isfinite(slopes))
-            assert found[0, 0] == pytest.approx(wanted.value, abs=2e-9 * wanted.size)
-            assert L.T @ found[1:, 0] == pytest.approx(wanted.gains, abs=2e-9 * wanted.size)
+            assert found[0, 0] == pytest.approx(wanted.value, abs=1e-8 * wanted.size)
+            assert L.T @ found[1:, 0] == pytest.approx(wanted.gains, abs=1e-8 * wanted.size)
             within = 1e-6 if abs(rho) < 1 else bends_at_full
             assert pytest.approx(wanted.bends, abs=within * wanted.size) == L.T @ slopes[1:, :2] @ L
