@@ -79,11 +79,17 @@ Change = Callable[[Nonlinearity, str], Nonlinearity]
 
 def with_elements(equations: MomentEquations, change: Change) -> MomentEquations:
     """The same equations with other elements, of the rates, of the outputs and of their variances; themselves if none is."""
-    quasi_linear = equations.quasi_linear
-    elements = tuple(change(element, f"the element `{element.describing.name}`") for element in quasi_linear.elements)
-    outputs = {name: _with_elements(form, f"the output `{name}`", change) for name, form in quasi_linear.outputs.items()}
-    same = all(a is b for a, b in zip(elements, quasi_linear.elements, strict=True))
-    if same and outputs == dict(quasi_linear.outputs):
+    quasi_linear, others = equations.quasi_linear, []
+
+    def noted(element: Nonlinearity, where: str) -> Nonlinearity:
+        found = change(element, where)
+        if found is not element:  # equality does not see what is known of errors
+            others.append(found)
+        return found
+
+    elements = tuple(noted(element, f"the element `{element.describing.name}`") for element in quasi_linear.elements)
+    outputs = {name: _with_elements(form, f"the output `{name}`", noted) for name, form in quasi_linear.outputs.items()}
+    if not others:
         return equations
     return replace(equations, quasi_linear=replace(quasi_linear, elements=elements, outputs=outputs))
 
