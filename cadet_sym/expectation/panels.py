@@ -31,7 +31,7 @@ WIDEST = 100.0  # a steep place wider or farther than this many standard deviati
 NARROWEST = 1e-9  # what is steeper counts as a kink
 MERGED = 1e-6  # beyond this, and twice their distance, two roots are one
 TINY = 1e-100
-STEP_REACH = 6.5  # widths beyond which a step is over to 4e-11
+STEP_REACH = 8.2  # widths beyond which a step is over to 2e-16
 SPACED = 2.0  # l, standard deviations from a pole beyond which nodes are equally spaced
 ROOT_TWO_PI = float(np.sqrt(2 * np.pi))
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 SPREADS = (-4.0, -2.0, 0.0, 2.0, 4.0)
 TOGETHER = 8  # nodes of one call, by which it is faster and larger
 NARROW = 1e-2  # standard deviations: a smoothed kink that is wider need not be met to more digits than nodes need
-LEFT = 1e-12  # of the variance of another argument, at full correlation: so little is not felt, and nodes see jumps then
+LEFT = 1e-13  # of the variance of another argument, at full correlation: so little is not felt, and nodes see jumps then
 PARALLEL = 1e-100  # a kink of the others that does not move with the outer argument is crossed nowhere
 
 
