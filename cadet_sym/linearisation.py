@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import sympy as sp
@@ -20,6 +21,7 @@ from cadet_sym.errors import LinearisationError
 from cadet_sym.expectation import DescribingFunction, describing_function
 from cadet_sym.language.element import Element
 from cadet_sym.language.expression import ElementCall, symbol, unparse
+from cadet_sym.language.products import multiplied_out
 from cadet_sym.language.vocabulary import Lookup
 from cadet_sym.linear_forms import MARK, Basis, LinearForm, added, local_arguments, scaled
 
@@ -361,4 +363,4 @@ def _expanded(local: sp.Expr, arguments: tuple[sp.Symbol, ...]) -> sp.Expr:
     """Multiply out products of sums; powers of sums too where all is polynomial."""
     if local.is_polynomial(*arguments):
         return sp.expand(local)
-    return sp.expand_mul(local, deep=False)
+    return multiplied_out(local, partial(sp.expand_mul, deep=False))

@@ -22,6 +22,7 @@ from cadet_sym.expectation import describing_function
 from cadet_sym.expectation.adaptive import integrate
 from cadet_sym.language.expression import parse, symbol
 from cadet_sym.language.numeric import evaluate
+from cadet_sym.language.products import multiplied_out
 from cadet_sym.language.vocabulary import Lookup
 from cadet_sym.lowering.check import check
 from cadet_sym.lowering.elements import element_function
@@ -274,6 +275,14 @@ def test_a_model_names_the_element_that_is_not_accurate():
     (known,) = found.quasi_linear.elements
     assert known.describing.error > 1e-8
     assert known.describing == equations.quasi_linear.elements[0].describing  # its functions are made once
+
+
+def test_factors_below_the_fraction_bar_keep_terms_apart():
+    # SymPy's expansion of the first is 1/(x^2 sqrt(..) + sqrt(..)): 8000 nodes over three arguments, two percent off
+    body = parse("w*v/((1 + x**2)*sqrt(y**2 + w**2 + 1/100))")
+    df = describing_function((X, Y, W, symbol("v")), body)
+    assert (df.nodes, df.error) < (100, 1e-10)
+    assert multiplied_out(parse("(x + y)/((1 + x)*(2 + y))"), sp.expand) == parse("x/((1 + x)*(2 + y)) + y/((1 + x)*(2 + y))")
 
 
 def test_what_is_found_of_an_outputs_expectation_is_kept_with_it():

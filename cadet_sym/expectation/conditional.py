@@ -34,6 +34,7 @@ from cadet_sym.expectation.switching import switched
 from cadet_sym.expectation.tables import written_out
 from cadet_sym.expectation.univariate import Univariate, univariate
 from cadet_sym.expectation.waves import Waves, waves
+from cadet_sym.language.products import multiplied_out
 from cadet_sym.language.vocabulary import Lookup
 
 MAX_ARGUMENTS = 3  # of a function that is not a sum of products
@@ -305,7 +306,7 @@ def _indicator(condition: Boolean) -> sp.Expr:
 
 def _expanded(expr: sp.Expr) -> sp.Expr:
     """Multiplied out, products of exponentials taken apart."""
-    return sp.expand(expr, deep=False, power_base=False, log=False)
+    return multiplied_out(expr, lambda e: sp.expand(e, deep=False, power_base=False, log=False))
 
 
 def _merged(terms: list[_Term]) -> list[_Term]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import sympy as sp
@@ -17,6 +18,7 @@ from cadet_sym.expectation.quadrature import Wish
 from cadet_sym.expectation.tilted import COUNTS, Node, factors, frame_of, spread_out
 from cadet_sym.expectation.univariate import univariate
 from cadet_sym.language.numeric import evaluate
+from cadet_sym.language.products import multiplied_out
 
 MAX_ARGUMENTS = 6  # a polynomial in more has too many moments
 MOST_DEGREE, MOST_TERMS = 8, 40
@@ -43,7 +45,7 @@ def quadratic_powers(
     """
     factors: dict[tuple[sp.Expr, sp.Expr, sp.Expr, bool], sp.Expr] = {}
     rest: list[sp.Expr] = []
-    for term in sp.Add.make_args(sp.expand_mul(body, deep=False)):
+    for term in sp.Add.make_args(multiplied_out(body, partial(sp.expand_mul, deep=False))):
         found = _taken_apart(term, arguments)
         if found is None or sum(found[1].has(z) for z in arguments) < 2:  # a power of one argument separates
             rest.append(term)
