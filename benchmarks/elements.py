@@ -80,6 +80,8 @@ ELEMENTS: Mapping[str, Callable[[], sp.Expr]] = {
     "table of 200 rows by 200": lambda: curve(X) * curve(Y),
     "Bouc-Wen 1.5": lambda: of_library("bouc_wen", A=1, beta=0.5, gamma=0.5, exponent=sp.Rational(3, 2)),
     "|y||x|**0.5 x": lambda: parse("abs(y)*abs(x)**0.5*x"),
+    "sqrt(|x - 0.5|) sqrt(|y + 0.3|)": lambda: parse("sqrt(abs(x - 0.5))*sqrt(abs(y + 0.3))"),
+    "|x|**0.5 sign(x) tanh(y)": lambda: parse("abs(x)**0.5*sign(x)*tanh(y)"),
     "tanh(x*y)": lambda: parse("tanh(x*y)"),
     "|x| tanh(x*y)": lambda: parse("abs(x)*tanh(x*y)"),
     "max(x**2 - y, 0)": lambda: parse("max(x**2 - y, 0)"),

@@ -101,6 +101,8 @@ class Product:
             for segment in function.closed.segments:
                 yield from (segment.lower, segment.upper)
                 yield from (c for term in segment.terms for c in term.coefficients)
+            for power in function.powers:
+                yield from (power.position, power.coefficient)
             for part in function.integrals:
                 yield from (part.lower, part.upper, part.value)
 

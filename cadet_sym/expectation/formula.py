@@ -84,7 +84,7 @@ def _moment(powers: Sequence[int], means: Sequence[sp.Symbol], S: Mapping[tuple[
 
 
 def _of_univariate(function: Univariate, m: sp.Symbol, p: sp.Symbol) -> sp.Expr | None:
-    if function.tables or function.error_functions or function.integrals:
+    if function.tables or function.error_functions or function.powers or function.integrals:
         return None
     total = sp.S.Zero
     for segment in function.closed.segments:

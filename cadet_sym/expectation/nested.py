@@ -34,7 +34,7 @@ SAME = 1e-12  # relative difference of points that are one
 INSIDE = 0.37  # how far within a cell it is looked at
 INNER_ERROR = 1e-9
 MAX_NODES = 80_000
-SINGULAR_EFFORT, WAVES_EFFORT = 3, 2
+SINGULAR_EFFORT, WAVES_EFFORT, ROOT_EFFORT = 3, 2, 8
 
 
 @dataclass(frozen=True)
@@ -109,10 +109,14 @@ class Nested:
 
     @property
     def effort(self) -> int:
-        """Points that it would take for the same accuracy: singular ends need more, and waves that variance makes many."""
+        """Points that it would take for the same accuracy: singular ends need more, and waves that variance makes many.
+
+        Roots of other arguments are steep at full correlation, of which a part is left out: rather the integral is over these.
+        """
         singular = any(any(s.part.singular) for s in self.slices)
         waves = any(wave.has(s.part.argument) for s in self.slices for wave in s.part.value.atoms(sp.sin, sp.cos))
-        return self.nodes * (SINGULAR_EFFORT if singular else 1) * (WAVES_EFFORT if waves else 1)
+        root = any(crossing.root for crossing in self.crossings)
+        return self.nodes * (ROOT_EFFORT if root else SINGULAR_EFFORT if singular else 1) * (WAVES_EFFORT if waves else 1)
 
 
 def nested(arguments: tuple[sp.Symbol, ...], used: tuple[int, ...], body: sp.Expr, where: str, wish: Wish) -> Nested:

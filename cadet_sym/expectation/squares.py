@@ -99,7 +99,8 @@ def _quadratic_power(arguments: tuple[sp.Symbol, ...], parts: _Parts, where: str
             function = univariate(kinked, last[0], where, wish)
         except LinearisationError:
             return None
-        if function.is_singular or function.error_functions or function.tables:  # not every derivative is to be had
+        # not every derivative is to be had
+        if function.is_singular or function.error_functions or function.powers or function.tables:
             return None
         if sum(part.nodes for part in function.integrals) > MOST_NODES:
             return None

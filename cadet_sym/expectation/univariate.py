@@ -27,6 +27,7 @@ from cadet_sym.expectation.closed_form import (
 from cadet_sym.expectation.errorfunction import ErrorFunction, error_functions_in
 from cadet_sym.expectation.existence import require_expectation
 from cadet_sym.expectation.pieces import Splitter
+from cadet_sym.expectation.power import Power, powers_in
 from cadet_sym.expectation.quadrature import Integral, Wish, integrals
 from cadet_sym.expectation.steep import singular_at
 from cadet_sym.expectation.tables import Table, tables_in
@@ -83,13 +84,14 @@ class Apart:
 
 @dataclass(frozen=True)
 class Univariate:
-    """f(z) = closed + tables + error functions + integrals; the jumps are those of closed and integrals."""
+    """f(z) = closed + tables + error functions + powers + integrals; the jumps are those of closed and integrals."""
 
     closed: PiecewiseForm
     jumps: tuple[Jump, ...] = ()
     apart: Apart | None = None
     tables: tuple[Table, ...] = ()
     error_functions: tuple[ErrorFunction, ...] = ()
+    powers: tuple[Power, ...] = ()
     integrals: tuple[Integral, ...] = ()
 
     @property
@@ -114,19 +116,19 @@ class Univariate:
     def kinks(self) -> tuple[sp.Expr, ...]:
         """Where the function or a derivative of it jumps, tables apart."""
         ends = (bound for part in self.integrals for bound in (part.lower, part.upper))
-        positions = (kink.position for kink in self.closed.kinks)
+        positions = (part.position for part in (*self.closed.kinks, *self.powers))
         return tuple(dict.fromkeys(k for k in (*positions, *ends) if not k.is_infinite))
 
     def roots(self) -> tuple[sp.Expr, ...]:
-        """The ends of pieces where some derivative is infinite."""
+        """The zeros of powers and the ends of pieces where some derivative is infinite."""
         ends = ((part.lower, part.upper)[part.singular[1]] for part in self.integrals if any(part.singular))
-        return tuple(dict.fromkeys(ends))
+        return tuple(dict.fromkeys((*(power.position for power in self.powers), *ends)))
 
     @property
     def is_piecewise_polynomial(self) -> bool:
         """Whether f is made of polynomials between kinks; tables always are."""
         terms = [t for part in (*self.closed.segments, *self.closed.kinks) for t in part.terms]
-        return not (self.error_functions or self.integrals) and all(t.is_polynomial for t in terms)
+        return not (self.error_functions or self.powers or self.integrals) and all(t.is_polynomial for t in terms)
 
 
 def univariate(body: sp.Expr, z: sp.Symbol, where: str, wish: Wish) -> Univariate:
@@ -141,7 +143,8 @@ def univariate(body: sp.Expr, z: sp.Symbol, where: str, wish: Wish) -> Univariat
     tables, rest = tables_in(body, z)
     known, parts_left, cells = [], [], []
     error_functions: list[ErrorFunction] = []
-    for cell, value in splitter.terms(rest):
+    powers, partition = powers_in(splitter.terms(rest), z)
+    for cell, value in partition:
         require_expectation(value, cell, splitter)
         found, value = error_functions_in(value, cell, z)
         error_functions.extend(found)
@@ -153,7 +156,7 @@ def univariate(body: sp.Expr, z: sp.Symbol, where: str, wish: Wish) -> Univariat
             parts_left.extend(integrals(cell, value, z, where, wish))
     closed = piecewise_form(known)
     jumps = tuple(_jumps(closed, cells, z))
-    return Univariate(closed, jumps, _apart(known, cells, z), tables, tuple(error_functions), tuple(parts_left))
+    return Univariate(closed, jumps, _apart(known, cells, z), tables, tuple(error_functions), powers, tuple(parts_left))
 
 
 def _apart(known: Sequence[_Known], cells: Iterable[tuple[Cell, sp.Expr]], z: sp.Symbol) -> Apart | None:

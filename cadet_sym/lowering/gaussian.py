@@ -21,6 +21,7 @@ from cadet_sym.lowering.algebra import CasadiAlgebra
 from cadet_sym.lowering.complex import Complex, complex_exp, converted, select
 from cadet_sym.lowering.errorfunction import error_function_moment
 from cadet_sym.lowering.expressions import Lowering
+from cadet_sym.lowering.power import power_moment
 from cadet_sym.lowering.special import clipped, density, density_sum, hermite, magnitude, mills_moments, positive_part
 from cadet_sym.lowering.tables import NARROW, NARROW_ORDER, table_moment
 
@@ -50,6 +51,7 @@ class Gaussian:
         self.tilts: dict[tuple[sp.Expr, ...], Tilt] = {}
         self.columns: dict[Table, tuple[ca.SX, ca.SX, ca.SX, list[ca.SX]]] = {}
         self.curves: dict[tuple[Table, int], ca.SX] = {}
+        self.powers: dict[tuple[sp.Expr | bool | int, ...], ca.SX] = {}
         self.panels: dict[Integral, _Panels] = {}
         self.moved: dict[sp.Expr, Gaussian] = {}  # by the rate of an exponential
         self.tails: dict[tuple[sp.Expr, ...], tuple[ca.SX, list[Complex]]] = {}
@@ -73,6 +75,8 @@ class Gaussian:
             total += table_moment(table, self, order)
         for error_function in function.error_functions:
             total += error_function_moment(error_function, self, order)
+        for power in function.powers:
+            total += power_moment(power, self, order)
         for part in function.integrals:
             total += self._integral(part, order)
         return total
