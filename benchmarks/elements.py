@@ -85,6 +85,8 @@ ELEMENTS: Mapping[str, Callable[[], sp.Expr]] = {
     "tanh(x*y)": lambda: parse("tanh(x*y)"),
     "|x| tanh(x*y)": lambda: parse("abs(x)*tanh(x*y)"),
     "max(x**2 - y, 0)": lambda: parse("max(x**2 - y, 0)"),
+    "max(x - y**3, 0)": lambda: parse("max(x - y**3, 0)"),
+    "clip(x*y**2, -1, 1)": lambda: parse("clip(x*y**2, -1, 1)"),
     "clip(x*y, -1, 1)": lambda: parse("clip(x*y, -1, 1)"),
     "y sqrt(x**2 + y**2 + 0.01)": lambda: parse("y*sqrt(x**2 + y**2 + 0.01)"),
     "y sqrt(x**2 + y**2)": lambda: parse("y*sqrt(x**2 + y**2)"),

@@ -21,7 +21,7 @@ name = "a switch on a curve"
 x = "v"
 v = "-x - v - clip(x*v**2, -1, 1) + w"
 [noise]
-w = 4.0
+w = 200.0
 [run]
 duration = 6.0
 """

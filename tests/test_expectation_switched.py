@@ -1,4 +1,4 @@
-"""Polynomials that switch along conics: accuracy at any scale and correlation, derivatives, zero variance, fixed orders."""
+"""Functions that switch along conics and other curves: accuracy at any scale and correlation, derivatives, zero variance."""
 
 from __future__ import annotations
 
@@ -121,3 +121,40 @@ def test_a_sum_of_curves_of_several_kinds_is_taken_term_by_term():
     df = describing_function((X, Y), parse("max(x**2 - y, 0) + clip(x*y, -1, 1) + max(x**2 + y**2 - 1, 0)"))
     kinds = [border.kind for product in df.products if isinstance(product, Switched) for border in product.borders]
     assert sorted(set(kinds)) == ["circle", "hyperbola", "parabola"]
+
+
+LINE = np.linspace(-9, 9, 1_000_001)
+DENSITY = np.exp(-LINE * LINE / 2) / np.sqrt(2 * np.pi) * (LINE[1] - LINE[0])
+
+
+@pytest.mark.parametrize(
+    ("text", "slopes"),
+    [
+        ("max(x - y**3, 0)", ("heaviside(x - y**3)", "-3*y**2*heaviside(x - y**3)")),
+        ("clip(x*y**2, -1, 1)", ("y**2 if abs(x*y**2) < 1 else 0", "2*x*y if abs(x*y**2) < 1 else 0")),
+        ("max(x - sin(y), 0)", ("heaviside(x - sin(y))", "-cos(y)*heaviside(x - sin(y))")),
+        ("abs(x - tanh(3*y))", ("sign(x - tanh(3*y))", "3*(tanh(3*y)**2 - 1)*sign(x - tanh(3*y))")),
+    ],
+)
+def test_kinks_on_any_curve_are_followed_up_to_full_correlation(text, slopes):
+    """Along the line that is left then; sums over jumps are good to 1e-5 in the gains there."""
+    x, y = X, Y
+    function = element_function(describing_function((x, y), parse(text)), ())
+    for mean, stds, rho in [((0.3, -0.4), (1, 1.4), 1), ((1, 1), (1, 1.4), -1), ((0, 0), (1, 1.4), 1), ((-0.7, 1), (3, 1), -1)]:
+        z = {x: mean[0] + stds[0] * LINE, y: mean[1] + rho * stds[1] * LINE}
+        wanted = [float(evaluate(parse(each), z) @ DENSITY) for each in (text, *slopes)]
+        size = np.abs(evaluate(parse(text), z)) @ DENSITY
+        F, gain = function(mean, [stds[0] ** 2, rho * stds[0] * stds[1], stds[1] ** 2], [])
+        errors = np.abs(np.array([float(F), *np.array(gain).ravel()]) - wanted) * [1, *stds] / size
+        assert errors[0] < 1e-8
+        assert errors.max() < 1e-4
+
+
+def test_a_kink_that_may_be_anywhere_leaves_gains_finite_without_variance():
+    # the kink of clip(x y^2) in x is at 1/y^2, about which the gain was 1e36
+    function = element_function(describing_function((X, Y), parse("clip(x*y**2, -1, 1)")), ())
+    for mean in ((0.0, 0.0), (0.0, 0.1), (0.5, 0.3)):
+        for spread in (0.0, 1e-14, 1e-6):
+            F, gain = function(mean, [spread**2, 0, spread**2], [])
+            wanted = mean[0] * mean[1] ** 2, mean[1] ** 2, 2 * mean[0] * mean[1]
+            assert np.array([float(F), *np.array(gain).ravel()]) == pytest.approx(wanted, abs=1e-8)

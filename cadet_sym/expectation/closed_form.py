@@ -154,7 +154,7 @@ def piecewise_form(cells: Iterable[tuple[sp.Expr, sp.Expr, Boolean, Decompositio
     changes: dict[sp.Expr, dict[Exponent, list[Coefficients]]] = defaultdict(lambda: defaultdict(list))
     for lower, upper, condition, parts in cells:
         finite = [bound for bound in (lower, upper) if not bound.is_infinite]
-        centre = finite[0] if finite else sp.S.Zero
+        centre = finite[0] if finite and not _may_be_infinite(finite[0]) else sp.S.Zero
         parts = {key: tuple(where(condition, c) for c in value) for key, value in parts.items()}
         terms = _nonzero(_shifted(key, coefficients, centre) for key, coefficients in parts.items())
         if terms:
@@ -165,6 +165,12 @@ def piecewise_form(cells: Iterable[tuple[sp.Expr, sp.Expr, Boolean, Decompositio
                 changes[bound][key].append(signed)
     kinks = (Kink(position, _change(position, groups)) for position, groups in changes.items())
     return PiecewiseForm(tuple(segments), tuple(k for k in kinks if k.terms))
+
+
+def _may_be_infinite(position: sp.Expr) -> bool:
+    """Whether it is one over something that may vanish, as the kink of clip(x y^2) in x: about it all digits are lost then."""
+    powers = (power for power in position.atoms(sp.Pow) if power.base.free_symbols)
+    return any(power.exp.could_extract_minus_sign() for power in powers)
 
 
 def jump_of(terms: tuple[Term, ...], order: int) -> sp.Expr:

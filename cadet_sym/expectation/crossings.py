@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from cadet_sym.expectation.describing import DescribingFunction
 
 MAX_CROSSINGS, MAX_KNOTS = 12, 6
-MAX_CURVES = 2
+MAX_CURVES, MAX_PASSES = 2, 3
 CURVED_ERROR = 1e-4  # of gains, the largest found where kinks lie on a curve
 TURNED_ERROR = 0.03  # the same near full correlation where a measured curve has more rows than are followed
 LOST_ERROR = 0.1  # the same where there are too many to follow
@@ -28,6 +28,7 @@ WITH_STEPS_AND_POLES = Rule(1, 40, straight=40, power=GRADING)
 WITH_CURVES = Rule(3, 24, straight=32)
 WITH_ROOTS = Rule(2, 44, straight=32, graded=32, power=GRADING)
 AT_ENDS = Rule(3, 32, straight=48, graded=48)
+AT_ENDS_OF_PLACES = Rule(1, 32, straight=32, graded=48)  # where there are up to six of them
 AT_ENDS_OF_SUMS = Rule(1, 16, straight=24, graded=20)  # where every node is a sum over nodes itself
 TRAPEZOIDAL = Rule(order=80)
 TRAPEZOIDAL_AT_ROOT = Rule(order=120)
@@ -46,6 +47,7 @@ class Crossing:
     curve: sp.Expr | None = None  # or where this polynomial of degree two in z and `symbol` is zero
     symbol: sp.Symbol | None = None  # the argument
     branch: int = 0  # -1, 1: which of the two places where the line through the means passes the curve
+    place: sp.Expr | None = None  # or any function of z, which that line passes at most so many times as there are branches
 
 
 def crossings_of(inside: Sequence[DescribingFunction], z: sp.Symbol, others: tuple[int, ...]) -> tuple[list[Crossing], float]:
@@ -57,7 +59,7 @@ def crossings_of(inside: Sequence[DescribingFunction], z: sp.Symbol, others: tup
         for argument, position, width in product.poles():
             found.setdefault((others[argument], position), width)
     roots = {(others[argument], line) for argument, at in _all(inside, "roots") for line in _lines(at)}
-    straight, curves, error = [], {}, FOUND_ERROR
+    straight, curves, places, error = [], {}, {}, FOUND_ERROR
     for (argument, position), width in found.items():
         if position.is_polynomial(z) and sp.degree(position, z) <= 1:
             slope = position.coeff(z, 1) if position.has(z) else sp.S.Zero
@@ -66,21 +68,37 @@ def crossings_of(inside: Sequence[DescribingFunction], z: sp.Symbol, others: tup
         elif not position.is_number or width is None:
             error = CURVED_ERROR
             curve = _curve(position, z)
-            curves.update({} if curve is None else {(argument, curve): width})
+            if curve is not None:
+                curves[argument, curve] = width
+            elif width is None:
+                places[argument, position] = None
     knots = dict.fromkeys(Crossing(others[i], at, sp.S.Zero, None) for i, at in _all(inside, "knots") if not at.has(z))
     if len(knots) <= MAX_KNOTS:
         straight += knots
     else:  # a curve of many rows turns little at each: nodes for all of them would cost more than they are worth
         error = max(error, TURNED_ERROR)
-    if len(curves) <= MAX_CURVES:
+    if len(curves) + len(places) <= MAX_CURVES:
         straight += [
             Crossing(argument, sp.S.Zero, sp.S.One, width, curve=curve, symbol=_ON_CURVE, branch=branch)
             for (argument, curve), width in curves.items()
             for branch in (-1, 1)
         ]
+        straight += [
+            Crossing(argument, sp.S.Zero, sp.S.One, None, branch=branch, place=place)
+            for argument, place in places
+            for branch in range(_passes(place, z))
+        ]
     else:
         error = LOST_ERROR
     return straight[:MAX_CROSSINGS], error if len(straight) <= MAX_CROSSINGS else max(error, CURVED_ERROR)
+
+
+def _passes(place: sp.Expr, z: sp.Symbol) -> int:
+    """How often a straight line may pass a curve, as far as it is followed."""
+    if place.is_polynomial(z):
+        return min(int(sp.degree(place, z)), MAX_PASSES)
+    falls = any(power.has(z) and power.exp.could_extract_minus_sign() for power in place.atoms(sp.Pow))
+    return 2 if falls else MAX_PASSES  # one over z on a stretch that ends where z is zero
 
 
 def _lines(position: sp.Expr) -> tuple[sp.Expr, ...]:
@@ -130,8 +148,9 @@ def ruled(part: Integral, crossings: tuple[Crossing, ...], *, sums: bool, plain:
     elif any(place.root for place in part.steep):
         rule = WITH_ROOTS
     elif any(place.step for place in part.steep) or any(part.singular):
-        on_curves = any(crossing.curve is not None for crossing in crossings)
+        on_curves = any(crossing.curve is not None or crossing.place is not None for crossing in crossings)
         with_steps = WITH_STEPS if all(place.step for place in part.steep) else WITH_STEPS_AND_POLES
-        at_ends = AT_ENDS_OF_SUMS if sums else AT_ENDS
+        many = any(crossing.place is not None for crossing in crossings)
+        at_ends = AT_ENDS_OF_SUMS if sums else AT_ENDS_OF_PLACES if many else AT_ENDS
         rule = (at_ends if any(part.singular) else WITH_CURVES) if on_curves else with_steps
     return replace(part, rule=rule)

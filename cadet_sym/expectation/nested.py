@@ -15,7 +15,7 @@ from sympy.core.relational import Relational
 from cadet_sym.errors import LinearisationError
 from cadet_sym.expectation.cells import Cell, Partition
 from cadet_sym.expectation.closed_form import normal
-from cadet_sym.expectation.crossings import CURVED_ERROR, Crossing, crossings_of, ruled
+from cadet_sym.expectation.crossings import CURVED_ERROR, LOST_ERROR, Crossing, crossings_of, ruled
 from cadet_sym.expectation.existence import require_expectation
 from cadet_sym.expectation.pieces import TINY, Splitter, affine, factored, has_kinks
 from cadet_sym.expectation.quadrature import PLAIN_ERROR, Integral, Wish, stretches
@@ -134,7 +134,7 @@ def nested(arguments: tuple[sp.Symbol, ...], used: tuple[int, ...], body: sp.Exp
         except LinearisationError as error:
             reason = error
             continue
-        if candidate is not None and (best is None or candidate.effort < best.effort):
+        if candidate is not None and (best is None or _worth(candidate) < _worth(best)):
             best = candidate
     if best is None:
         raise reason or LinearisationError(
@@ -150,6 +150,11 @@ def nested(arguments: tuple[sp.Symbol, ...], used: tuple[int, ...], body: sp.Exp
             "arguments, or give a part of it a state of its own (a fast first-order filter)"
         )
     return best
+
+
+def _worth(candidate: Nested) -> tuple[bool, int]:
+    """To be least: whether kinks are lost, the effort."""
+    return candidate.error >= LOST_ERROR, candidate.effort
 
 
 def _rows(body: sp.Expr, z: sp.Symbol) -> int:

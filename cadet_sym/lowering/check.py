@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -278,8 +279,8 @@ class Truth:
         arguments = tuple(df.arguments[k] for k in order)
         found = integrate(arguments, df.body, numbers, mean[order], L, tolerance=tolerance, most=most)
         back = np.linalg.inv(L).T[np.argsort(order)]
-        ways = BEYOND * L[np.argsort(order)].T
-        far = np.abs([_value(df, numbers, mean + side * way) for way in ways for side in (-1, 1)])  # hardly ever met
+        ways = BEYOND * L[np.argsort(order)]
+        far = np.abs([_value(df, numbers, mean + ways @ e) for e in product((-1, 0, 1), repeat=len(mean))])  # hardly ever met
         size = max(found.size, HARDLY * np.max(far, where=np.isfinite(far), initial=0.0), 1e-300)
         units = np.array([size, *(size / np.sqrt(np.diag(covariance)))])
         errors = found.error * np.array([1.0, *np.linalg.norm(back, axis=1)])

@@ -7,6 +7,7 @@ from functools import lru_cache, reduce
 from typing import TYPE_CHECKING
 
 import casadi as ca
+import numpy as np
 import sympy as sp
 
 from cadet_sym.expectation.conditional import Product
@@ -27,6 +28,8 @@ SPREADS = (-4.0, -2.0, 0.0, 2.0, 4.0)
 TOGETHER = 8  # nodes of one call, by which it is faster and larger
 NARROW = 1e-2  # standard deviations: a smoothed kink that is wider need not be met to more digits than nodes need
 LEFT = 1e-13  # of the variance of another argument, at full correlation: so little is not felt, and nodes see jumps then
+LOOKED_AT, BISECTIONS = 65, 40  # points at which a line is looked at for where it passes a curve
+NOWHERE = 1e3  # standard deviations: beyond the widest that nodes take notice of
 PARALLEL = 1e-100  # a kink of the others that does not move with the outer argument is crossed nowhere
 
 
@@ -40,7 +43,7 @@ class _Conditioning:
 
     def __init__(self, nested: Nested, joint: Joint):
         self.nested = nested
-        stands = all(crossing.curve is None and crossing.slope == 0 for crossing in nested.crossings)
+        stands = all(crossing.curve is None and crossing.place is None and crossing.slope == 0 for crossing in nested.crossings)
         self.joint = joint = _resolved(nested, joint) if stands else joint
         self.outer: Gaussian = joint.marginal(nested.outer)
         self.symbol = nested.slices[0].part.argument
@@ -90,7 +93,7 @@ class _Conditioning:
     def _nodes(self, piece: Slice, low: ca.SX, high: ca.SX) -> list[Nodes]:
         part = piece.part
         crossings = self.nested.crossings
-        steep = [self._crossing(crossing) for crossing in crossings]
+        steep = [self._crossing(crossing, low, high) for crossing in crossings]
         steep += [self._own_place(place) for place in part.steep[len(crossings) :]]
         return lay_out(part, low, high, steep, CasadiAlgebra())
 
@@ -104,11 +107,13 @@ class _Conditioning:
             centre = there.convert(place.centre) if spread == 0 else centre
         return (centre - outer.m) / outer.s, reduce(ca.fmin, widths) / outer.s
 
-    def _crossing(self, crossing: Crossing) -> tuple[ca.SX, ca.SX]:
+    def _crossing(self, crossing: Crossing, low: ca.SX, high: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Where the mean of another argument, given the outer one, passes its kink, and over what width."""
         a, outer = self.nested.others.index(crossing.argument), self.outer
         if crossing.curve is not None:
             return self._on_curve(crossing, a)
+        if crossing.place is not None:
+            return self._at_pass(crossing, a, low, high)
         slope = outer.value(crossing.slope)
         speed = self.lean[a] - slope * outer.s
         speed = ca.if_else(ca.fabs(speed) > PARALLEL, speed, PARALLEL)
@@ -148,6 +153,34 @@ class _Conditioning:
         longer = ca.sqrt((absolute + ca.fabs(real)) / 2)
         longer = ca.if_else(longer > PARALLEL, longer, PARALLEL)
         return _frozen(u, ca.if_else(real > 0, size / longer, longer / ca.fabs(2 * A)))
+
+    def _at_pass(self, crossing: Crossing, a: int, first: ca.SX, last: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """The same for any curve: the n-th change of sign of its distance from the line through the means on a stretch."""
+        outer, place = self.outer, crossing.place
+        assert place is not None
+
+        def is_above(u: ca.SX) -> ca.SX:
+            there = Lowering({**outer.env, self.symbol: outer.m + outer.s * u}).convert(place)
+            return there >= self.means[a] + self.lean[a] * u
+
+        grid = [first + (last - first) * t for t in np.linspace(0, 1, LOOKED_AT)]
+        sides = [is_above(u) for u in grid]
+        passed, side, low, high = ca.SX(0), ca.SX(0), ca.SX(NOWHERE), ca.SX(NOWHERE)
+        for k in range(len(grid) - 1):
+            changes = sides[k] != sides[k + 1]
+            here = ca.logic_and(changes, passed == crossing.branch)
+            side, low, high = (ca.if_else(here, x, y) for x, y in ((sides[k], side), (grid[k], low), (grid[k + 1], high)))
+            passed += changes
+        for _ in range(BISECTIONS):
+            middle = (low + high) / 2
+            same = is_above(middle) == side
+            low, high = ca.if_else(same, middle, low), ca.if_else(same, high, middle)
+        u = (low + high) / 2
+        there = Lowering({**outer.env, self.symbol: outer.m + outer.s * u})
+        speed = ca.fabs(there.convert(sp.diff(place, self.symbol)) * outer.s - self.lean[a])
+        width = ca.sqrt(self.left[a]) / ca.fmax(speed, PARALLEL)
+        exists = passed > crossing.branch
+        return _frozen(ca.if_else(exists, u, NOWHERE), ca.if_else(exists, width, 1))
 
     def _somewhere(self, piece: Slice) -> ca.SX:
         """One of the `_points` well within a slice: what has no weight must have derivatives all the same."""
