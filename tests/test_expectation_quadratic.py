@@ -99,7 +99,7 @@ def factor(S: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("rho", CORRELATIONS)
-@pytest.mark.parametrize("text", TWO)
+@pytest.mark.parametrize("text", half(TWO))
 def test_two_arguments_are_the_integral(text, rho):
     mean, S = moments(2, rho)
     truth = integrate(arguments_of(text), parse(text), {}, mean, factor(S), tolerance=1e-11, most=3_000_000)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
+from conftest import half
 from nested_integrals import function_of, truth
 
 from cadet_sym.expectation import describing_function
@@ -46,7 +47,7 @@ def test_there_is_a_closed_form(text):
     assert any(isinstance(product, Reduced) for product in df.products)
 
 
-@pytest.mark.parametrize("text", [*CLOSED, *INTEGRATED])
+@pytest.mark.parametrize("text", half([*CLOSED, *INTEGRATED]))
 def test_it_is_the_integral_at_any_correlation(text):
     function = jacobian(describe(text), 2)
     for (stds, rho), mean in zip(COVARIANCES, ((0.4, -0.3), (-1.2, 0.7), (0.2, 0.9), (0.1, -0.4), (0.9, 1.1)), strict=True):
