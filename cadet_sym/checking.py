@@ -7,7 +7,7 @@ Gaussian closure itself is judged by Monte Carlo, not here.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -17,8 +17,9 @@ import sympy as sp
 from cadet_sym.errors import ModelError
 from cadet_sym.language.expression import DISTANCE, SPEED, TIME, symbol
 from cadet_sym.language.numeric import evaluate
-from cadet_sym.linearisation import Nonlinearity, OutputForm, shown
+from cadet_sym.linearisation import Nonlinearity, shown
 from cadet_sym.lowering.check import ElementCheck, check_at
+from cadet_sym.lowering.survey import nonlinearities
 from cadet_sym.tables import Shown, aligned
 
 if TYPE_CHECKING:
@@ -122,7 +123,7 @@ def check_run(compiled: CompiledModel, history: MomentHistory, times: Sequence[f
     declared: dict[str, float] = {**system.model.parameter_values(), **history.provenance.parameters}
     numbers = {symbol(name): float(value) for name, value in declared.items()}
     found: dict[tuple[sp.Expr, tuple[sp.Expr, ...]], tuple[Place, ElementCheck]] = {}
-    for where, element in _all(equations):
+    for where, element in nonlinearities(equations):
         forms = tuple(form.of(system.states) for form in element.forms)
         key = element.describing.body, forms
         if key in found:
@@ -131,18 +132,6 @@ def check_run(compiled: CompiledModel, history: MomentHistory, times: Sequence[f
         cases = [_case(element, {**numbers, **_travel(equations, numbers, float(history.time[k]))}, history, k) for k in rows]
         found[key] = place, check_at(element.describing, cases, BUDGET)
     return RunCheck(history.model, tuple(float(history.time[k]) for k in rows), tuple(found.values()))
-
-
-def _all(equations: MomentEquations) -> Iterator[tuple[str, Nonlinearity]]:
-    yield from (("rates", element) for element in equations.quasi_linear.elements)
-    for name, form in equations.quasi_linear.outputs.items():
-        yield from ((name, element) for element in form.elements)
-        yield from ((f"variance of {name}", element) for element in _of_products(form))
-
-
-def _of_products(form: OutputForm) -> Iterator[Nonlinearity]:
-    for product in form.products.values():
-        yield from product.elements
 
 
 def _travel(equations: MomentEquations, numbers: Mapping[sp.Symbol, float], t: float) -> dict[sp.Symbol, float]:

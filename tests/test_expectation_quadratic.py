@@ -150,7 +150,10 @@ def test_a_logarithm_is_the_derivative_of_a_power_in_its_exponent(n):
     for m, sd in ((0.0, 1.0), (0.3, 1.0), (2.0, 1e-3), (1.0, 1e3), (7.0, 1.0)):
         F, *gain = found(function, m * direction, sd**2 * np.eye(n))
         with mpmath.workdps(40):
-            logarithm = lambda x, sd=sd: mpmath.diff(lambda p: power_of_a_length(n, p, x, sd), 0, h=1e-12)  # noqa: E731
+
+            def logarithm(x, sd=sd):
+                return mpmath.diff(lambda p: power_of_a_length(n, p, x, sd), 0, h=1e-12)
+
             wanted, slope = logarithm(m), mpmath.diff(logarithm, m, h=1e-10 * max(m, sd))
         assert pytest.approx(float(wanted), rel=1e-11, abs=1e-11) == F
         assert gain == pytest.approx(float(slope) * direction, rel=1e-8, abs=1e-13 / sd)

@@ -16,7 +16,7 @@ from cadet_sym.expectation.describing import DescribingFunction, describing_func
 from cadet_sym.language.element import Element
 from cadet_sym.language.numeric import evaluate
 from cadet_sym.language.vocabulary import ElementCall
-from cadet_sym.lowering.elements import element_function
+from cadet_sym.lowering.elements import element_function, parameters_of
 from cadet_sym.tables import Shown
 
 SPREADS = (0.0, 1e-3, 0.1, 1.0, 10.0)  # standard deviations, times the scale
@@ -121,7 +121,7 @@ def check_at(df: DescribingFunction, cases: Sequence[Case], budget: int, scale: 
 
     A singular covariance, and one of more than three arguments, is taken on its principal axes, of the latter the first two.
     """
-    free = tuple(sorted((s for s in df.body.free_symbols - set(df.arguments) if isinstance(s, sp.Symbol)), key=str))
+    free = parameters_of(df)
     function = element_function(df, free)
     rows, sure = [], [0.0]
     for k, (mean, whole, numbers) in enumerate(cases):

@@ -30,6 +30,12 @@ def element_function(df: DescribingFunction, free: tuple[sp.Symbol, ...]) -> ca.
     return ca.Function("element", [m, S, q], [F, gain], ["m", "S", "q"], ["F", "gain"])
 
 
+def parameters_of(df: DescribingFunction) -> tuple[sp.Symbol, ...]:
+    """What else is in a function than its arguments, in the order in which it is handed over."""
+    symbols = (s for s in df.body.free_symbols - set(df.arguments) if isinstance(s, sp.Symbol))
+    return tuple(sorted(symbols, key=str))
+
+
 def expectation_and_gain(df: DescribingFunction, m: ca.SX, S: ca.SX, env: dict[sp.Symbol, ca.SX]) -> tuple[ca.SX, ca.SX]:
     """E[f] and its gradient in the mean as expressions."""
     return Joint(m, S, env).expectation_and_gain(df)

@@ -24,7 +24,7 @@ from cadet_sym.language.expression import DISTANCE, SPEED, TIME, symbol
 from cadet_sym.language.numeric import evaluate
 from cadet_sym.linearisation import Nonlinearity
 from cadet_sym.lowering.check import Truth
-from cadet_sym.lowering.elements import element_function
+from cadet_sym.lowering.elements import element_function, parameters_of
 from cadet_sym.lowering.survey import with_elements
 from cadet_sym.moments import MomentEquations
 from cadet_sym.warning import warn
@@ -147,7 +147,7 @@ class _Case:
 
 def _cases(df: DescribingFunction, numbers: Mapping[sp.Symbol, float], scale: float) -> list[_Case]:
     """None if the function is not one of two or three arguments with numbers for its parameters."""
-    count, free, found = len(df.arguments), _free(df), list[_Case]()
+    count, free, found = len(df.arguments), parameters_of(df), list[_Case]()
     if count not in GRID or not set(free) <= numbers.keys():
         return found
     for spread, rho in GRID[count]:
@@ -163,15 +163,10 @@ def _cases(df: DescribingFunction, numbers: Mapping[sp.Symbol, float], scale: fl
     return found
 
 
-def _free(df: DescribingFunction) -> tuple[sp.Symbol, ...]:
-    symbols = (s for s in df.body.free_symbols - set(df.arguments) if isinstance(s, sp.Symbol))
-    return tuple(sorted(symbols, key=str))
-
-
 def _errors(df: DescribingFunction, cases: Sequence[_Case]) -> dict[float, float]:
     """The largest error by standard deviation."""
-    function = element_function(df, _free(df))
-    finer = None if all(case.truth for case in cases) else element_function(_finer(df), _free(df))
+    function = element_function(df, parameters_of(df))
+    finer = None if all(case.truth for case in cases) else element_function(_finer(df), parameters_of(df))
     errors: dict[float, float] = {}
     for case in cases:
         found, own = _row(function, case), np.zeros(1)

@@ -67,10 +67,16 @@ def _integrated(equations: MomentEquations, parameters: tuple[str, ...]) -> tupl
 
 def describing_functions(equations: MomentEquations) -> Iterator[DescribingFunction]:
     """Those of all elements, of the rates and of the outputs and their variances."""
-    for element in equations.quasi_linear.elements:
-        yield element.describing
-    for form in equations.quasi_linear.outputs.values():
-        yield from _of_output(form)
+    return (element.describing for _, element in nonlinearities(equations))
+
+
+def nonlinearities(equations: MomentEquations) -> Iterator[tuple[str, Nonlinearity]]:
+    """All elements and what of: the rates, an output, or the variance of one."""
+    yield from (("rates", element) for element in equations.quasi_linear.elements)
+    for name, form in equations.quasi_linear.outputs.items():
+        yield from ((name, element) for element in form.elements)
+        for product in form.products.values():
+            yield from ((f"variance of {name}", element) for element in product.elements)
 
 
 Change = Callable[[Nonlinearity, str], Nonlinearity]
@@ -100,13 +106,6 @@ def _with_elements(form: OutputForm, where: str, change: Change) -> OutputForm:
         elements=tuple(change(element, where) for element in form.elements),
         products={key: _with_elements(product, where, change) for key, product in form.products.items()},
     )
-
-
-def _of_output(form: OutputForm) -> Iterator[DescribingFunction]:
-    for element in form.elements:
-        yield element.describing
-    for product in form.products.values():
-        yield from _of_output(product)
 
 
 def _explicit(system: AugmentedSystem) -> str:
