@@ -7,7 +7,7 @@ Gaussian closure itself is judged by Monte Carlo, not here.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -15,16 +15,15 @@ import numpy as np
 import sympy as sp
 
 from cadet_sym.errors import ModelError
-from cadet_sym.language.expression import DISTANCE, SPEED, TIME, symbol
-from cadet_sym.language.numeric import evaluate
-from cadet_sym.linearisation import Nonlinearity, shown
+from cadet_sym.linearisation import shown
 from cadet_sym.lowering.check import ElementCheck, check_at
 from cadet_sym.lowering.survey import nonlinearities
-from cadet_sym.tables import Shown, aligned
+from cadet_sym.solve.freeze import context_at
+from cadet_sym.solve.seen import instant
+from cadet_sym.tables import Shown, aligned, plain
 
 if TYPE_CHECKING:
     from cadet_sym.compiled import CompiledModel
-    from cadet_sym.moments import MomentEquations
     from cadet_sym.results import MomentHistory
 
 __all__ = ["RunCheck", "check_run"]
@@ -56,14 +55,17 @@ class RunCheck(Shown):
         return max((max(each.error, each.gain_error) for _, each in self.found), default=0.0)
 
     def to_dict(self) -> dict[str, Any]:
-        """What ``cadet-sym moments --check --json`` adds to the history."""
-        numbers = ("method", "nodes", "error", "gain_error", "sure")
+        """What ``cadet-sym moments --check --json`` adds to the history; an error of what is no number is null."""
         functions = [
             {
                 "function": place.function,
                 "arguments": list(place.arguments),
                 "where": place.where,
-                **{name: getattr(each, name) for name in numbers},
+                "method": each.method,
+                "nodes": each.nodes,
+                "error": plain(each.error),
+                "gain_error": plain(each.gain_error),
+                "sure": plain(each.sure),
             }
             for place, each in self.found
         ]
@@ -120,8 +122,12 @@ def check_run(compiled: CompiledModel, history: MomentHistory, times: Sequence[f
     rows = [int(np.argmin(np.abs(history.time - t))) for t in wanted]
     if not rows or any(abs(history.time[k] - t) > 1e-9 * (1 + abs(t)) for k, t in zip(rows, wanted, strict=True)):
         raise ModelError("the times of a check are output times of the history that is checked")
-    declared: dict[str, float] = {**system.model.parameter_values(), **history.provenance.parameters}
-    numbers = {symbol(name): float(value) for name, value in declared.items()}
+    lowered = compiled.functions
+    p = np.array([history.provenance.parameters[name] for name in lowered.parameters])
+    instants = [
+        instant(lowered, p, context_at(lowered, p, float(history.time[k])), history.state_mean[k], history.state_covariance[k])
+        for k in rows
+    ]
     found: dict[tuple[sp.Expr, tuple[sp.Expr, ...]], tuple[Place, ElementCheck]] = {}
     for where, element in nonlinearities(equations):
         forms = tuple(form.of(system.states) for form in element.forms)
@@ -129,33 +135,9 @@ def check_run(compiled: CompiledModel, history: MomentHistory, times: Sequence[f
         if key in found:
             continue
         place = Place(where, shown(element.describing.body), tuple(map(shown, forms)))
-        cases = [_case(element, {**numbers, **_travel(equations, numbers, float(history.time[k]))}, history, k) for k in rows]
+        cases = [(*at.seen_by(element), at.numbers) for at in instants]
         found[key] = place, check_at(element.describing, cases, BUDGET)
     return RunCheck(history.model, tuple(float(history.time[k]) for k in rows), tuple(found.values()))
-
-
-def _travel(equations: MomentEquations, numbers: Mapping[sp.Symbol, float], t: float) -> dict[sp.Symbol, float]:
-    """t, and the speed and the distance where they are known in closed form."""
-    now = {TIME: t}
-    travel = equations.quasi_linear.system.model.travel
-    if travel is not None:
-        now[SPEED] = evaluate(travel.speed_expression(), {**numbers, **now})
-        way = travel.closed_distance()
-        now |= {} if way is None else {DISTANCE: evaluate(way, {**numbers, **now})}
-    return now
-
-
-def _case(
-    element: Nonlinearity, numbers: Mapping[sp.Symbol, float], history: MomentHistory, k: int
-) -> tuple[np.ndarray, np.ndarray, Mapping[sp.Symbol, float]]:
-    """Mean and covariance of the arguments, and the numbers of what else is in the function."""
-    rows = np.zeros((len(element.forms), len(history.states)))
-    for row, form in zip(rows, element.forms, strict=True):
-        for i, coefficient in form.coefficients:
-            row[i] = evaluate(coefficient, numbers)
-    constants = np.array([evaluate(form.constant, numbers) for form in element.forms])
-    mean = rows @ history.state_mean[k] + constants
-    return mean, rows @ history.state_covariance[k] @ rows.T, numbers
 
 
 def _short(text: str) -> str:

@@ -21,6 +21,7 @@ from cadet_sym.memory import Memory
 from cadet_sym.packing import Packing
 from cadet_sym.results import MomentHistory, PeriodicMoments, Provenance
 from cadet_sym.solve.breakpoints import breakpoints_of
+from cadet_sym.solve.freeze import context_at
 from cadet_sym.solve.outputs import outputs_over
 from cadet_sym.solve.senseless import refuse_senseless
 from cadet_sym.solve.shares import team_of
@@ -146,12 +147,32 @@ def run_all(
     with team_of(min(workers, len(p))) as team:
         y, found = integrate_all(functions, starts, grid, rtol=rtol, engine=engine, declared=declared, team=team)
         outputs = outputs_over(functions, grid, y, p, team)
+    _tell_lost(functions, found, grid, y, p, outputs)
     if functions.facts.delay is not None:
         found = _with_wheel_errors(functions, found, y[:, -1], p, end)
     for error, own in zip(found, p, strict=True):
         if isinstance(error, SolverError) and isinstance(partial := error.details.get("partial"), Trajectory):
             error.partial = error.details["partial"] = _named(made, partial, own, derivatives)  # type: ignore[attr-defined]
     return Runs(names, p, tuple(found), *outputs, derivatives)
+
+
+def _tell_lost(
+    functions: MomentFunctions, found: Sequence[Run], grid: Array, y: Array, p: Array, outputs: tuple[Array, Array]
+) -> None:
+    """Warn of outputs (runs, k, m) that are no numbers though their run is well: nobody else would."""
+    lost = ~np.isfinite(outputs[0] + outputs[1])
+    if not lost.any():
+        return
+    lost[[k for k, run in enumerate(found) if isinstance(run, Exception)]] = False
+    if lost.any():
+        from cadet_sym.solve.seen import warn_of_lost_outputs  # late: it needs SymPy
+
+        run, k, _ = (int(each) for each in np.argwhere(lost)[0])
+        context = context_at(functions, p[run], float(grid[k]))
+        times, runs = int(lost[run].any(axis=1).sum()), int(lost.any(axis=(1, 2)).sum())
+        others = [f"{times - 1} later times"] * (times > 1) + [f"{runs - 1} other runs"] * (runs > 1)
+        when = f"at t = {context[0]:.6g}" + (f" (and in {' and '.join(others)})" if others else "")
+        warn_of_lost_outputs(functions, p[run], context, y[run, k], lost[run, k], when)
 
 
 def output_times(

@@ -11,7 +11,7 @@ from conftest import ROOT
 from reference_models import toml
 
 import cadet_sym as cs
-from cadet_sym.errors import ExpectationWarning, ModelError
+from cadet_sym.errors import ExpectationWarning, ModelError, SolverError
 from cadet_sym.expectation import describing_function
 from cadet_sym.lowering.check import check_at
 
@@ -37,6 +37,37 @@ a = 1.0
 b = 2.0
 [run]
 duration = 2.0
+"""
+FOLLOWS = """
+name = "a parameter that follows from another"
+[parameters]
+a = 1.0
+b = "2*a"
+[rates]
+x = "-x - tanh(b*x)"
+[initial]
+x = 1.0
+"""
+LOST = """
+name = "an exponential of a square"
+[parameters]
+a = 1.0
+b = "a/2"
+c = 0.0
+g = 0.2
+start = 0.0
+[rates]
+x = "v"
+v = "-x - v - tanh(b*x) + c*exp(g*x**2) + w"
+[noise]
+w = 1.0
+[outputs]
+z = "exp(b*x**2)"
+[initial.covariance]
+"x,x" = "start"
+[run]
+duration = 6.0
+points = 7
 """
 
 
@@ -97,3 +128,35 @@ def test_without_variance_a_function_is_measured_all_around_its_point():
     x, y = sp.symbols("x y", real=True)
     for body in (x**2 * abs(y) * abs(x - y), sp.Piecewise((x + 1, x > y), (0, True))):
         assert check_at(describing_function((x, y), body), [(np.zeros(2), np.zeros((2, 2)), {})], 1_000_000).error < 1e-12
+
+
+def test_parameters_that_follow_from_others_follow_in_a_check():
+    # without noise x is its mean, and what a check sees is what the model says
+    compiled = cs.compile(toml(FOLLOWS))
+    history = compiled.propagate([0.0, 1.0], parameters={"a": 3.0})
+    ((place, each),) = cs.check_run(compiled, history, times=[0.0]).found
+    assert place.arguments == ("b*x",)
+    assert each.mean == (6.0,)
+
+
+def test_outputs_without_an_expectation_are_told_of_and_no_check_finds_them_right():
+    # E exp(q x^2) exists while 2 q var(x) < 1: of the output while var(x) < 1, of its square while var(x) < 1/2
+    compiled = cs.compile(toml(LOST))
+    assert np.isfinite(compiled.propagate(parameters={"a": 0.1}).output_variance).all()
+    with pytest.warns(ExpectationWarning, match=r"`z` is no number at t = \d+ .*later times.*exp\(2\*b\*x\*\*2\)") as told:
+        history = compiled.propagate(parameters={"a": 4.0})
+    assert len(told) == 1
+    found = cs.check_run(compiled, history)
+    assert found.error == np.inf
+    assert any(each["error"] is None for each in found.to_dict()["functions"])
+    with pytest.warns(ExpectationWarning, match="in the stationary state"):
+        compiled.stationary(parameters={"a": 4.0})
+    with pytest.warns(ExpectationWarning, match="1 other runs"):
+        cs.sweep(toml(LOST), {"a": [0.1, 4.0, 5.0]}, workers=1, progress=False)
+
+
+def test_what_cannot_begin_names_its_nonlinearity_and_when():
+    compiled = cs.compile(toml(LOST))
+    with pytest.raises(SolverError, match=r"at t = 0: .*`exp\(g\*x\*\*2\)` .* variance 3: ") as failed:
+        compiled.propagate(parameters={"a": 0.0, "c": 0.1, "start": 3.0})
+    assert failed.value.details["time"] == 0

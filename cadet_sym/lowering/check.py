@@ -41,7 +41,7 @@ class ElementCheck(Shown):
     """What a check found, and where the worst was.
 
     Errors are relative to E|f|, of gains to E|f| over the standard deviation, without variance to |f| around the mean. Where
-    the integration itself is good to less than `SURE`, they are what exceeds its own error.
+    the integration itself is good to less than `SURE`, they are what exceeds its own error; infinite, of what is no number.
     """
 
     name: str
@@ -249,7 +249,8 @@ def _without_variance(
     likely = [float(_value(df, numbers, mean)), *sides.ravel().tolist(), *sides.mean(axis=0).tolist()]
     plain = min(likely, key=lambda value: abs(found - value))
     around = np.abs(_value(df, numbers, mean + scale * ways))
-    return abs(found - plain) / max(around.max(), 1e-300), False, found, plain
+    error = abs(found - plain) / max(around.max(), 1e-300) if np.isfinite(found) else np.inf
+    return float(error), False, found, plain
 
 
 @dataclass(frozen=True)
@@ -298,7 +299,7 @@ class Truth:
     def compared(self, F: np.ndarray, gain: np.ndarray) -> Iterator[Row]:
         """What was found held against it."""
         for i, (found, wanted, unit, own) in enumerate(self.rows(F, gain)):
-            error = abs(found - wanted) / unit
+            error = abs(found - wanted) / unit if np.isfinite(found) else np.inf
             yield float(max(error - own, 0.0) if own > SURE else error), i > 0, found, float(wanted)
 
 

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from cadet_sym.errors import SolverError
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.solve.evaluate import gains
+from cadet_sym.solve.freeze import context_at
 
 __all__ = ["NOT_FINITE", "STALLED", "TOO_MANY", "Breakdown", "explain", "moment_name", "settled"]
 
@@ -52,6 +53,8 @@ def explain(
     """The error a user sees, for a stretch that began at `begin` with moments y."""
     reached = begin if breakdown.time is None else breakdown.time
     last = y if breakdown.y is None or not np.isfinite(breakdown.y).all() else breakdown.y
+    if not np.isfinite(np.asarray(lowered.rate(begin, y, p))).all():  # and what is beyond means nothing
+        reached, last = begin, y
     rate = np.asarray(lowered.rate(reached, last, p)).ravel()
     if np.isfinite(rate).all():  # the end of where it exists may lie just ahead
         beyond = np.asarray(lowered.rate(reached + 1e-6 * (reached or 1.0), last, p)).ravel()
@@ -64,7 +67,7 @@ def explain(
         bad = int(np.flatnonzero(~np.isfinite(rate))[0])
         return SolverError(
             f"the moment equations are not finite at t = {reached:.6g}: {moment_name(bad, lowered)} has the rate "
-            f"{rate[bad]}. Check the parameters and the initial state; {kept}.",
+            f"{rate[bad]}. {_lost(lowered, p, reached, last)}Check the parameters and the initial state; {kept}.",
             state=moment_name(bad, lowered),
             **details,
         )
@@ -81,6 +84,14 @@ def explain(
         state=names[worst],
         **details,
     )
+
+
+def _lost(lowered: MomentFunctions, p: Array, t: float, y: Array) -> str:
+    """Which nonlinearity is no number; empty if none is."""
+    from cadet_sym.solve.seen import instant, tell_lost  # late: it needs SymPy, which a model from the cache does without
+
+    text = tell_lost(instant(lowered, p, context_at(lowered, p, t), *lowered.facts.packing.unpack(y)), "rates")
+    return f"{text}. " if text else ""
 
 
 def _eigenvalues(lowered: MomentFunctions, p: Array, t: float, y: Array) -> npt.NDArray[np.complex128]:

@@ -13,7 +13,7 @@ from cadet_sym.errors import ModelError, SolverError
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.solve.frozen import FrozenProblem, WheelTrack
 
-__all__ = ["Conditions", "conditions", "freeze"]
+__all__ = ["Conditions", "conditions", "context_at", "freeze"]
 
 Array = npt.NDArray[np.float64]
 
@@ -37,7 +37,8 @@ def conditions(
         If the vehicle stands still, or a rate depends on t or s and no instant is named.
     """
     facts = lowered.facts
-    V, _, s, _ = (float(value) for value in lowered.motion(0.0 if at is None else at, p))
+    context = context_at(lowered, p, 0.0 if at is None else at)
+    V = float(context[2])
     if not facts.ground:
         V = 0.0
         if speed is not None:
@@ -56,9 +57,8 @@ def conditions(
             f"{facts.explicit} explicitly, so that there is no stationary state. "
             "Freeze it at an instant with --at T (in Python `stationary(at=T)`)."
         )
-    if at is not None and facts.needs_distance and not facts.known_distance:
-        s = _distance(lowered, p, at)
-    return Conditions(np.array([0.0 if at is None else at, s, V, 0.0]), p)
+    context[2:] = V, 0.0
+    return Conditions(context, p)
 
 
 def freeze(lowered: MomentFunctions, held: Conditions) -> FrozenProblem:
@@ -148,9 +148,11 @@ def _tracks(lowered: MomentFunctions, held: Conditions) -> tuple[WheelTrack, ...
     return tuple(found)
 
 
-def _distance(lowered: MomentFunctions, p: Array, at: float) -> float:
-    """Distance travelled by the time `at`."""
-    from scipy.integrate import quad
+def context_at(lowered: MomentFunctions, p: Array, t: float) -> Array:
+    """[t, s, V, V'] of a run at time t; the distance s only where anything depends on it, or it is known in closed form."""
+    V, dV, s, start = (float(value) for value in lowered.motion(t, p))
+    if lowered.facts.needs_distance and not lowered.facts.known_distance:
+        from scipy.integrate import quad
 
-    start = float(lowered.motion(0.0, p)[3])
-    return start + quad(lambda t: float(lowered.motion(t, p)[0]), 0.0, at, limit=500)[0]
+        s = start + quad(lambda at: float(lowered.motion(at, p)[0]), 0.0, t, limit=500)[0]
+    return np.array([t, s, V, dV])

@@ -35,9 +35,14 @@ def name_moments(lowered: MomentFunctions, mean: Array, covariance: Array, drift
     held : the conditions of the point.
     """
     facts = lowered.facts
-    pair = lowered.outputs_at(facts.packing.pack(mean, covariance), held.context, held.p)
+    packed = facts.packing.pack(mean, covariance)
+    pair = lowered.outputs_at(packed, held.context, held.p)
     output_mean, output_variance = (np.asarray(part).ravel() for part in pair)
     loose = loose_outputs(lowered, drift, held)
+    if (lost := ~np.isfinite(output_mean + output_variance) & ~loose).any():
+        from cadet_sym.solve.seen import warn_of_lost_outputs  # late: it needs SymPy
+
+        warn_of_lost_outputs(lowered, held.p, held.context, packed, lost, "in the stationary state")
     output_mean[loose] = output_variance[loose] = np.nan
     drifting = np.abs(drift).max(axis=1, initial=0.0) > 1e-9
     state_mean, state_covariance = mean.copy(), covariance.copy()
