@@ -30,7 +30,7 @@ from cadet_sym.lowering.tables import NARROW, NARROW_ORDER, table_moment
 FLOOR = 1e-100
 NEAREST = 1e-14  # of a standard deviation, and of a place, that nodes keep from it
 LARGEST = 600.0  # of an exponent
-RESOLVED = 1e-14  # of the square of the scale on which f changes, added where the nodes of a sum go by a standard deviation
+NEAR = 1e-11  # of the square of the scale on which f changes: a variance in which f is expanded
 
 
 @dataclass
@@ -233,11 +233,16 @@ class Gaussian:
 class _Panels:
     """A piece laid out once; its nodes and what is evaluated there are shared by the value and the derivatives.
 
-    A piece with a singular end is taken in the distance from it, x = |z - k|, so that x^q is exact.
+    A piece with a singular end is taken in the distance from it, x = |z - k|, so that x^q is exact. Nodes go by a standard
+    deviation, and so the derivative of their sum in the variance is lost to rounding where there is nearly none: there it is
+    f + p f''/2.
     """
 
     def __init__(self, gaussian: Gaussian, part: Integral):
-        g = self.gaussian = Gaussian(gaussian.m, resolved(gaussian, [part]), gaussian.env)
+        self.part, self.p = part, gaussian.p
+        square = square_of_scale(gaussian, [part])
+        self.least = ca.SX(0) if square is None else NEAR * square
+        g = self.gaussian = Gaussian(gaussian.m, ca.if_else(self.p >= self.least, self.p, self.least), gaussian.env)
         self.low = ca.SX(-REACH) if part.lower.is_infinite else g.within(part.lower)
         self.high = ca.SX(REACH) if part.upper.is_infinite else ca.fmax(self.low, g.within(part.upper))
         steep = [((g.value(p.centre) - g.m) / g.s, g.value(p.width) / g.s) for p in part.steep]
@@ -254,6 +259,7 @@ class _Panels:
         else:
             self.symbol, self.value = part.argument, part.value
             points = [self._inside(part, g.m + g.s * n.u) for n in self.nodes]
+        self.somewhere = points[0][0]
         self.lowerings = [Lowering({**g.env, self.symbol: z}, split_powers=True) for z in points]
 
     def _inside(self, part: Integral, points: ca.SX) -> ca.SX:
@@ -268,12 +274,28 @@ class _Panels:
 
     def total(self, order: int) -> ca.SX:
         """E of the piece, or of its derivative."""
+        expr = sp.diff(self.value, self.symbol, order) if order else self.value
         if self.side and order:
             value = sum((self._slope(i) for i in range(len(self.nodes))), start=ca.SX(0))
         else:
-            expr = sp.diff(self.value, self.symbol, order) if order else self.value
             value = sum((self._sum(i, expr) for i in range(len(self.nodes))), start=ca.SX(0))
-        return ca.if_else(self.high > self.low, value, 0)
+        value = ca.if_else(self.high > self.low, value, 0)
+        if self.least.is_zero():
+            return value
+        turned = (-self.side) ** order if self.side else 1  # the derivative of the distance in the mean
+        return ca.if_else(self.p < self.least, turned * self._expanded(expr), value)
+
+    def _expanded(self, expr: sp.Expr) -> ca.SX:
+        """E of an expression without kinks within reach, to first order in the variance."""
+        g, x = self.gaussian, ca.SX.sym("x")
+        part = self.part
+        lower = ca.SX(-math.inf) if part.lower.is_infinite else g.value(part.lower)
+        upper = ca.SX(math.inf) if part.upper.is_infinite else g.value(part.upper)
+        inside = ca.logic_and(self.p < self.least, ca.logic_and(g.m > lower, g.m < upper))
+        mean = g.m if not self.side else upper - g.m if self.side > 0 else g.m - lower
+        f = Lowering({**g.env, self.symbol: x}, split_powers=True).convert(expr)
+        value = f + self.p / 2 * ca.jacobian(ca.jacobian(f, x), x)
+        return ca.if_else(inside, ca.substitute(value, x, ca.if_else(inside, mean, self.somewhere)), 0)
 
     def _sum(self, i: int, expr: sp.Expr, factor: ca.SX | float = 1.0) -> ca.SX:
         weight = self.nodes[i].weight * factor
@@ -301,12 +323,8 @@ def _is_zero_power(expr: sp.Basic) -> bool:
     return isinstance(expr, sp.Pow) and expr.base == 0
 
 
-def resolved(gaussian: Gaussian, parts: Iterable[Integral]) -> ca.SX:
-    """The variance, so large that the derivative in it is not lost to rounding where there is none.
-
-    Sums of u f'(m + s u)/(2 s) over the nodes leave rounding over s. A part of the square of the scale on which f changes, or
-    of the distance to where it has a kink if that is less, is seen in nothing else.
-    """
+def square_of_scale(gaussian: Gaussian, parts: Iterable[Integral]) -> ca.SX | None:
+    """The square of the least length over which f changes around the mean, or the distance to a kink if that is less."""
     squares = []
     for part in parts:
         for place in part.steep:
@@ -316,9 +334,9 @@ def resolved(gaussian: Gaussian, parts: Iterable[Integral]) -> ca.SX:
         for wave in part.value.atoms(sp.sin, sp.cos):
             slope = sp.diff(wave.args[0], part.argument)
             if slope.free_symbols - gaussian.env.keys():
-                return gaussian.p
+                return None
             squares.append(1 / (gaussian.value(slope) ** 2 + FLOOR))
-    return gaussian.p + RESOLVED * reduce(ca.fmin, squares) if squares else gaussian.p
+    return reduce(ca.fmin, squares) if squares else None
 
 
 def beyond_reach(gaussian: Gaussian, end: sp.Expr, side: int) -> ca.SX:

@@ -19,7 +19,7 @@ from cadet_sym.expectation.steep import Steep
 from cadet_sym.lowering.algebra import CasadiAlgebra
 from cadet_sym.lowering.bivariate import one_minus_square
 from cadet_sym.lowering.expressions import Lowering
-from cadet_sym.lowering.gaussian import Gaussian, beyond_reach, resolved
+from cadet_sym.lowering.gaussian import Gaussian, beyond_reach, square_of_scale
 
 if TYPE_CHECKING:
     from cadet_sym.lowering.joint import Joint
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 SPREADS = (-4.0, -2.0, 0.0, 2.0, 4.0)
 TOGETHER = 8  # nodes of one call, by which it is faster and larger
 NARROW = 1e-2  # standard deviations: a smoothed kink that is wider need not be met to more digits than nodes need
+NEAR = 1e-18  # of the square of the scale on which f changes: an outer variance in which it is expanded
 LEFT = 1e-13  # of the variance of another argument, at full correlation: so little is not felt, and nodes see jumps then
 LOOKED_AT, BISECTIONS = 65, 40  # points at which a line is looked at for where it passes a curve
 NOWHERE = 1e3  # standard deviations: beyond the widest that nodes take notice of
@@ -39,12 +40,17 @@ def nested_moments(nested: Nested, joint: Joint) -> tuple[ca.SX, dict[int, ca.SX
 
 
 class _Conditioning:
-    """The other arguments given the outer one: mean m_i + L_i u, covariance S_ij - L_i L_j, u = (z - m)/s."""
+    """The other arguments given the outer one: mean m_i + L_i u, covariance S_ij - L_i L_j, u = (z - m)/s.
+
+    Nodes go by s, and so derivatives in the variance are lost to rounding where there is nearly none: there f is expanded.
+    """
 
     def __init__(self, nested: Nested, joint: Joint):
         self.nested = nested
         stands = all(crossing.curve is None and crossing.place is None and crossing.slope == 0 for crossing in nested.crossings)
-        self.joint = joint = _resolved(nested, joint) if stands else joint
+        square = _square_of_scale(nested, joint) if stands else None
+        self.given, self.least = joint, None if square is None else NEAR * square
+        self.joint = joint = joint if self.least is None else _no_narrower(joint, nested.outer, self.least)
         self.outer: Gaussian = joint.marginal(nested.outer)
         self.symbol = nested.slices[0].part.argument
         self.rest = nested.slices[0].inner.arguments
@@ -82,7 +88,34 @@ class _Conditioning:
             phi, u = outer.density(step.position)
             value, _, _ = self._sums(step.inner, step.inner, outer.value(step.position), -u, ca.SX(1))
             gains[nested.outer] += phi / outer.s * value
-        return F, gains
+        return (F, gains) if self.least is None else self._or_expanded(self.least, F, gains)
+
+    def _or_expanded(self, least: ca.SX, F: ca.SX, gains: dict[int, ca.SX]) -> tuple[ca.SX, dict[int, ca.SX]]:
+        """The same where the outer argument varies, else the first terms of exp(S_zz d_z^2/2 + S_zi d_z d_i) E[f | z = m]."""
+        nested, joint, o = self.nested, self.given, self.nested.outer
+        m, p = joint.m[o], joint.marginal(o).p
+        across = ca.vertcat(*(joint.covariance(o, i) for i in nested.others))
+        covariances = [joint.covariance(i, nested.others[b]) for a, i in enumerate(nested.others) for b in range(a + 1)]
+        total = ca.SX.zeros(2 + len(nested.others))
+        for piece in nested.slices:
+            lower, upper = self._bounds(piece)
+            inside = ca.logic_and(p < least, ca.logic_and(m > lower, m < upper))
+            point, turned = m, 1
+            if (end := piece.part.singular_end) is not None:
+                point, turned = (upper - m, -1) if end[1] > 0 else (m - lower, 1)
+            point = ca.if_else(inside, point, self._somewhere(piece))
+            free = tuple(sorted(piece.inner.body.free_symbols - {self.symbol, *self.rest}, key=str))
+            parameters = ca.vertcat(*map(self.outer.value, free))
+            function = _expanded_function(piece.inner, (self.symbol, *free), turned)
+            total += ca.if_else(inside, function(point, p, across, self.means, ca.vertcat(*covariances), parameters), 0)
+        found = ca.if_else(p < least, total, ca.vertcat(F, *(gains[i] for i in (o, *nested.others))))
+        return found[0], dict(zip((o, *nested.others), ca.vertsplit(found[1:]), strict=True))
+
+    def _bounds(self, piece: Slice) -> tuple[ca.SX, ca.SX]:
+        """Where a slice begins and ends."""
+        ends = (piece.part.lower, -ca.inf), (piece.part.upper, ca.inf)
+        lower, upper = (ca.SX(far) if end.is_infinite else self.outer.value(end) for end, far in ends)
+        return lower, upper
 
     def _ends(self, piece: Slice) -> tuple[ca.SX, ca.SX]:
         part, outer = piece.part, self.outer
@@ -218,15 +251,20 @@ class _Conditioning:
         return totals[0], totals[1], totals[2:]
 
 
-def _resolved(nested: Nested, joint: Joint) -> Joint:
-    """The distribution with an outer variance whose derivatives are not lost to rounding."""
+def _square_of_scale(nested: Nested, joint: Joint) -> ca.SX | None:
+    """The square of the scale on which f changes in the outer argument; None if that depends on the others."""
     count = len(nested.crossings)
     parts = [replace(piece.part, steep=piece.part.steep[count:]) for piece in nested.slices]
     others = nested.slices[0].inner.arguments
     if any(place.width.has(*others) or place.centre.has(*others) for part in parts for place in part.steep):
-        return joint
-    o, S = nested.outer, ca.SX(joint.S)
-    S[o * (o + 3) // 2] = resolved(joint.marginal(o), parts)
+        return None
+    return square_of_scale(joint.marginal(nested.outer), parts)
+
+
+def _no_narrower(joint: Joint, o: int, least: ca.SX) -> Joint:
+    """The distribution with a variance that is at least so much."""
+    S, p = ca.SX(joint.S), joint.marginal(o).p
+    S[o * (o + 3) // 2] = ca.if_else(p >= least, p, least)
     return replace(joint, S=S, marginals={}, pairs={})
 
 
@@ -260,6 +298,26 @@ def _inner_function(
     arguments = [z, u, weights, m, lean, S, q]
     function = ca.Function("nodes", arguments, [total])
     return function if function.find_functions() else ca.Function("nodes", arguments, [ca.cse(total)])
+
+
+@lru_cache(maxsize=256)
+def _expanded_function(df: DescribingFunction, free: tuple[sp.Symbol, ...], turned: int) -> ca.Function:
+    """(z, S_zz, S_zi, means, covariances of the others, parameters) -> E[f], gains, to second order in the outer argument."""
+    from cadet_sym.lowering.joint import Joint
+
+    size = len(df.means)
+    z, p, c = ca.SX.sym("z"), ca.SX.sym("p"), ca.SX.sym("c", size)
+    m, S, q = ca.SX.sym("m", size), ca.SX.sym("S", len(df.covariances)), ca.SX.sym("q", len(free) - 1)
+    F = Joint(m, S, dict(zip(free, (z, *ca.vertsplit(q)), strict=True))).expectation(df)
+
+    def across(value: ca.SX) -> ca.SX:
+        return ca.dot(c, ca.gradient(value, m))
+
+    slope = turned * ca.jacobian(F, z)
+    bend = turned * ca.jacobian(slope, z)
+    value = F + across(slope) + (p * bend + across(across(bend))) / 2
+    total = ca.vertcat(value, slope + across(bend), ca.gradient(value, m))
+    return ca.Function("expanded", [z, p, c, m, S, q], [ca.densify(total)])
 
 
 @lru_cache(maxsize=256)
