@@ -35,8 +35,8 @@ def run(seed: int, n: int, rows: int) -> tuple[np.ndarray, Packing, np.ndarray]:
 
 
 @given(
-    st.integers(0, 10_000), st.integers(1, 7), st.integers(1, 5), st.sampled_from(["whole", "rank", "indefinite", "size"]),
-    st.floats(-13, -5), st.sampled_from([0.5, 0.99, 1.01, 3.0]),
+    st.integers(0, 10_000), st.integers(1, 7), st.sampled_from([1, 2, sound.LANES, sound.LANES + 1, 2 * sound.LANES + 3]),
+    st.sampled_from(["whole", "rank", "indefinite", "size"]), st.floats(-13, -5), st.sampled_from([0.5, 0.99, 1.01, 3.0]),
 )  # fmt: skip
 @settings(deadline=None, max_examples=150)
 def test_who_is_found_sound_is_judged_sound_without_machine_code(seed, n, rows, what, exponent, near):
@@ -58,8 +58,8 @@ def test_who_is_found_sound_is_judged_sound_without_machine_code(seed, n, rows, 
     assert not found or judged
     if what == "whole":
         assert found
-    work = np.empty(n * n + n)
-    arguments = (y.ravel(), rows, y.shape[1], n, size, 0.5 * LIMIT, FEW_TIMES, MANY_TIMES, work)
+    work = np.empty(sound.LANES * packing.moments), np.empty(sound.LANES * (2 * n + 3))
+    arguments = (y.ravel(), rows, y.shape[1], n, size, 0.5 * LIMIT, FEW_TIMES, MANY_TIMES, *work)
     assert bool(sound.look_over(*arguments)) is found
 
 
