@@ -48,7 +48,7 @@ MENDED = {  # each was wrong without a word, no number, or refused
     1: [
         "abs(x - c)**c*sign(x - c)*clip(x - 0.5, -1, 0.5)", "(a*x - 0.3)**2*sign(a*x - 0.3)*sqrt(abs(t*x + 0.1))",
         "log(1 + clip(t*x + 0.1, -1, 0.5)**2)", "sin(min(t*x + 0.1, 1))**2", "(x - c)**5/(1 + abs(x - c))*abs(x)",
-        "sign(x - c)*max(abs(x - c) - c, 0)*abs(x)**2.3",
+        "sign(x - c)*max(abs(x - c) - c, 0)*abs(x)**2.3", "abs(a*x - 0.3)**1.5*sign(a*x - 0.3)*sin(1.3*clip(2*x + 1, -1, 0.5))",
     ],
     2: [
         "clip(x, -1, 0.5)*sqrt(abs(y - 0.5))", "sign(x)*(c + exp(-x**2)/2)*max(y, 0)", "max(x - 2*y + 0.3, 0)**1.5*y",

@@ -259,7 +259,7 @@ class _Panels:
         else:
             self.symbol, self.value = part.argument, part.value
             points = [self._inside(part, g.m + g.s * n.u) for n in self.nodes]
-        self.somewhere = points[0][0]
+        self.somewhere = points[0][0] if points else g.m  # no nodes: for the numbers at hand there is nothing of it
         self.lowerings = [Lowering({**g.env, self.symbol: z}, split_powers=True) for z in points]
 
     def _inside(self, part: Integral, points: ca.SX) -> ca.SX:
