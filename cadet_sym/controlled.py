@@ -29,7 +29,8 @@ from cadet_sym.simulation import simulate as simulate_plainly
 from cadet_sym.simulation.arguments import CHECKED, check_numbers, output_times
 from cadet_sym.simulation.plan import Problem
 from cadet_sym.simulation.twin import Twin
-from cadet_sym.solve.transient import Start, integrate
+from cadet_sym.solve.many import Start
+from cadet_sym.solve.transient import integrate
 
 __all__ = ["Options", "simulate", "twin_of"]
 

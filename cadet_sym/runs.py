@@ -6,8 +6,8 @@ machine code, the outputs. Every number is the one of a run by itself.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import Any
 
@@ -22,20 +22,20 @@ from cadet_sym.packing import Packing
 from cadet_sym.results import MomentHistory, PeriodicMoments, Provenance
 from cadet_sym.solve.breakpoints import breakpoints_of
 from cadet_sym.solve.freeze import context_at
+from cadet_sym.solve.many import Start, Starts, Trajectories, Trajectory
 from cadet_sym.solve.outputs import outputs_over
 from cadet_sym.solve.senseless import refuse_senseless
 from cadet_sym.solve.shares import team_of
 from cadet_sym.solve.start import initial_moments
-from cadet_sym.solve.transient import Start, Trajectory, check_times, integrate, integrate_all
+from cadet_sym.solve.transient import check_times, integrate, integrate_all
 from cadet_sym.solve.wheels import present_errors
 from cadet_sym.version import VERSION
 from cadet_sym.warning import warn
 
-__all__ = ["Names", "Run", "Runs", "output_times", "run_all", "run_cycle", "starts_of"]
+__all__ = ["Names", "Runs", "output_times", "run_all", "run_cycle", "starts_of"]
 
 Array = npt.NDArray[np.float64]
 Derivatives = Callable[..., Array]
-Run = Trajectory | SolverError | ArithmeticError
 
 COARSE = 1e-2
 """Estimated error of the grid between the wheels (conservative, by 1 to 100) above which there is a warning."""
@@ -76,7 +76,7 @@ class Runs:
 
     names: Names
     p: Array  # (runs, count) parameters
-    found: tuple[Run, ...]
+    found: Trajectories
     output_mean: Array  # (runs, k, m)
     output_variance: Array  # (runs, k, m)
     derivatives: Derivatives | None  # of the model they came from
@@ -87,13 +87,11 @@ class Runs:
     @property
     def failures(self) -> Mapping[int, Exception]:
         """The errors of the runs that failed."""
-        return {k: run for k, run in enumerate(self.found) if isinstance(run, Exception)}
+        return self.found.failures
 
     def __getitem__(self, k: int) -> MomentHistory:
         """The history of one run; raises the error that it ended with."""
         run = self.found[k]
-        if isinstance(run, Exception):
-            raise run
         names, (mean, covariance) = self.names, self.names.packing.unpack(run.y)
         for array in (mean, covariance):
             array.setflags(write=False)  # they are no one else's, and need not be copied
@@ -112,8 +110,8 @@ class Runs:
 
     def __getstate__(self) -> dict[str, Any]:
         """The numbers alone: what is sent to another process leaves the model behind, and what failures hold."""
-        found = tuple(SolverError(str(each)) if isinstance(each, Exception) else each for each in self.found)
-        return {**self.__dict__, "derivatives": None, "found": found}
+        failures = {k: SolverError(str(error)) for k, error in self.failures.items()}
+        return {**self.__dict__, "derivatives": None, "found": replace(self.found, failures=failures)}
 
 
 def run_all(
@@ -145,34 +143,32 @@ def run_all(
     starts = starts_of(made, p, end)
     declared = declared_start(made, end) if alike else None
     with team_of(min(workers, len(p))) as team:
-        y, found = integrate_all(functions, starts, grid, rtol=rtol, engine=engine, declared=declared, team=team)
-        outputs = outputs_over(functions, grid, y, p, team)
-    _tell_lost(functions, found, grid, y, p, outputs)
+        found = integrate_all(functions, starts, grid, rtol=rtol, engine=engine, declared=declared, team=team)
+        outputs = outputs_over(functions, grid, found.y, p, team)
+    _tell_lost(functions, found, p, outputs)
     if functions.facts.delay is not None:
-        found = _with_wheel_errors(functions, found, y[:, -1], p, end)
-    for error, own in zip(found, p, strict=True):
+        found = _with_wheel_errors(functions, found, p, end)
+    for k, error in found.failures.items():
         if isinstance(error, SolverError) and isinstance(partial := error.details.get("partial"), Trajectory):
-            error.partial = error.details["partial"] = _named(made, partial, own, derivatives)  # type: ignore[attr-defined]
-    return Runs(names, p, tuple(found), *outputs, derivatives)
+            error.partial = error.details["partial"] = _named(made, partial, p[k], derivatives)  # type: ignore[attr-defined]
+    return Runs(names, p, found, *outputs, derivatives)
 
 
-def _tell_lost(
-    functions: MomentFunctions, found: Sequence[Run], grid: Array, y: Array, p: Array, outputs: tuple[Array, Array]
-) -> None:
+def _tell_lost(functions: MomentFunctions, found: Trajectories, p: Array, outputs: tuple[Array, Array]) -> None:
     """Warn of outputs (runs, k, m) that are no numbers though their run is well: nobody else would."""
     lost = ~np.isfinite(outputs[0] + outputs[1])
     if not lost.any():
         return
-    lost[[k for k, run in enumerate(found) if isinstance(run, Exception)]] = False
+    lost[list(found.failures)] = False
     if lost.any():
         from cadet_sym.solve.seen import warn_of_lost_outputs  # late: it needs SymPy
 
         run, k, _ = (int(each) for each in np.argwhere(lost)[0])
-        context = context_at(functions, p[run], float(grid[k]))
+        context = context_at(functions, p[run], float(found.time[k]))
         times, runs = int(lost[run].any(axis=1).sum()), int(lost.any(axis=(1, 2)).sum())
         others = [f"{times - 1} later times"] * (times > 1) + [f"{runs - 1} other runs"] * (runs > 1)
         when = f"at t = {context[0]:.6g}" + (f" (and in {' and '.join(others)})" if others else "")
-        warn_of_lost_outputs(functions, p[run], context, y[run, k], lost[run, k], when)
+        warn_of_lost_outputs(functions, p[run], context, found.y[run, k], lost[run, k], when)
 
 
 def output_times(
@@ -214,42 +210,37 @@ def run_cycle(made: Compiled, p: Array, period: float, points: int) -> PeriodicM
 def _named(made: Compiled, run: Trajectory, p: Array, derivatives: Derivatives | None) -> MomentHistory:
     """One run that was integrated, with its outputs."""
     outputs = outputs_over(made.functions, run.time, run.y[None], p[None])
-    return Runs(Names.of(made), p[None], (run,), *outputs, derivatives)[0]
+    return Runs(Names.of(made), p[None], Trajectories.of(run), *outputs, derivatives)[0]
 
 
-def _with_wheel_errors(functions: MomentFunctions, found: Sequence[Run], last: Array, p: Array, end: float) -> list[Run]:
+def _with_wheel_errors(functions: MomentFunctions, found: Trajectories, p: Array, end: float) -> Trajectories:
     """Runs with the estimated error of the grid between the wheels at their end; a warning if it is coarse."""
-    done = [k for k, run in enumerate(found) if isinstance(run, Trajectory)]
-    runs, errors = list(found), np.zeros(len(found))
+    done, errors = [k for k in range(len(found)) if k not in found.failures], np.zeros(len(found))
     if done:
-        errors[done] = present_errors(functions, p[done], last[done, : functions.facts.packing.moments], end)
-    for k, (run, error) in enumerate(zip(found, errors.tolist(), strict=True)):
-        if isinstance(run, Trajectory):
-            runs[k] = run._replace(statistics={**run.statistics, "wheel grid error": error})
+        errors[done] = present_errors(functions, p[done], found.y[done, -1, : functions.facts.packing.moments], end)
     if (worst := errors.max()) > COARSE:
         text = (
             f"the ground between the wheels may not be resolved (estimated error {worst:.1g}); "
             "compile the model with a finer grid, for example `cs.compile(model, grid=(8, 10))`"
         )
         warn(UserWarning(text))
-    return runs
+    return replace(found, statistics={**found.statistics, "wheel grid error": errors})
 
 
-def starts_of(made: Compiled, p: Array, duration: float) -> list[Start]:
+def starts_of(made: Compiled, p: Array, duration: float) -> Starts:
     """Moments at the start and known breakpoints for parameters (runs, count); remembered for a single run."""
 
-    def find() -> list[Start]:
+    def find() -> Starts:
         # a run is looked at as the declared one was when the model was made
         others = p if duration > made.declaration.duration else p[(p != made.declared).any(axis=1)]
         if len(others):
             refuse_senseless(made.functions, others, duration)
-        y, breakpoints = initial_moments(made.functions, p), breakpoints_of(made.functions, p, duration)
-        return [Start(*each) for each in zip(y, p, breakpoints, strict=True)]
+        return Starts(initial_moments(made.functions, p), p, breakpoints_of(made.functions, p, duration))
 
     return _starts(made.functions, (p.tobytes(), duration), find) if len(p) == 1 else find()
 
 
-_starts: Memory[list[Start]] = Memory(128)
+_starts: Memory[Starts] = Memory(128)
 
 
 def declared_start(made: Compiled, duration: float) -> Callable[[], Start] | None:

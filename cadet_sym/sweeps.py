@@ -32,7 +32,6 @@ from cadet_sym.language.modelfile import load
 from cadet_sym.memory import Memory
 from cadet_sym.results import MomentHistory
 from cadet_sym.runs import Runs
-from cadet_sym.solve.transient import Trajectory
 from cadet_sym.tables import Shown, aligned
 
 if TYPE_CHECKING:
@@ -309,7 +308,7 @@ _likes: Memory[_Like] = Memory()
 def _like(compiled: CompiledModel, places: Sequence[Place], seconds: float) -> _Like:
     """What those at some places are like, which took so long each."""
     run = next((runs.found[k] for runs, k in (place for place in places if not isinstance(place, str))), None)
-    if not isinstance(run, Trajectory):
+    if run is None:
         return _Like(seconds, CHUNK, shared=False)
     if len(places) == 1:  # of what was done for one alone, others need nothing
         seconds = min(seconds, run.statistics["seconds"])

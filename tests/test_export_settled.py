@@ -15,7 +15,8 @@ from exported import build, sources
 import cadet_sym as cs
 from cadet_sym.language.modelfile import loads
 from cadet_sym.lowering.portable import _settling, portable
-from cadet_sym.solve.transient import Start, integrate
+from cadet_sym.solve.many import Start
+from cadet_sym.solve.transient import integrate
 
 NAMES = [path.stem for path in SHIPPED]
 

@@ -23,8 +23,9 @@ from cadet_sym import cache
 from cadet_sym.cli import main
 from cadet_sym.lowering import functions, llvm, machine, scalars
 from cadet_sym.lowering.structured import structured_rate
+from cadet_sym.solve.many import Start
 from cadet_sym.solve.native import Native
-from cadet_sym.solve.transient import Start, integrate
+from cadet_sym.solve.transient import integrate
 
 OLEO = "models/oleo_acceleration.toml"
 

@@ -15,8 +15,9 @@ import cadet_sym as cs
 from cadet_sym.errors import ModelError, SolverError
 from cadet_sym.lowering.structured import structured_rate
 from cadet_sym.solve import sensitivity, variational
+from cadet_sym.solve.many import Start
 from cadet_sym.solve.onset import Onset
-from cadet_sym.solve.transient import Start, integrate
+from cadet_sym.solve.transient import integrate
 
 CHAIN = """
 name = "eight parameters"

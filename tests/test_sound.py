@@ -60,7 +60,7 @@ def test_who_is_found_sound_is_judged_sound_without_machine_code(seed, n, rows, 
         assert found
     work = np.empty(sound.LANES * packing.moments), np.empty(sound.LANES * (2 * n + 3))
     arguments = (y.ravel(), rows, y.shape[1], n, size, 0.5 * LIMIT, FEW_TIMES, MANY_TIMES, *work)
-    assert bool(sound.look_over(*arguments)) is found
+    assert bool(sound.look_over(*arguments)) == found
 
 
 def test_no_number_is_not_sound():
@@ -68,7 +68,7 @@ def test_no_number_is_not_sound():
     for place in range(y.shape[1]):
         broken = y.copy()
         broken[2, place] = np.nan
-        assert sound.are_sound(np.array([y, broken, y]), packing, size) == [True, False, True]
+        assert sound.are_sound(np.array([y, broken, y]), packing, size).tolist() == [True, False, True]
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)

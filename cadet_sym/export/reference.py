@@ -14,7 +14,8 @@ from cadet_sym.export.tables import array
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.packing import Packing
 from cadet_sym.solve.breakpoints import find_breakpoints
-from cadet_sym.solve.transient import Start, integrate
+from cadet_sym.solve.many import Start
+from cadet_sym.solve.transient import integrate
 
 __all__ = ["Sample", "reference_text", "sample"]
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 import numpy.typing as npt
 
 from cadet_sym.lowering.functions import MomentFunctions
-from cadet_sym.solve.course import Start, edges
+from cadet_sym.solve.course import edges
 from cadet_sym.solve.evaluate import gains_over
+from cadet_sym.solve.many import Start, Starts
 from cadet_sym.solve.native import has_machine_code, have_machine_code
 from cadet_sym.solve.scales import most_steps
 from cadet_sym.solve.stiff import bdf_compiles
@@ -51,7 +50,7 @@ SWINGING = 20_000.0
 """... and largest frequency: what swings and hardly decays keeps the steps of implicit formulas short as well."""
 
 
-def choose(lowered: MomentFunctions, starts: Sequence[Start], grid: Array, found: Modes) -> list[str]:
+def choose(lowered: MomentFunctions, starts: Starts, grid: Array, found: Modes) -> list[str]:
     """The engines for runs, of which the modes (runs, m) are known.
 
     Machine code where there is any: explicit while steps are limited by accuracy, for the frequencies of P are sums of two
@@ -59,10 +58,10 @@ def choose(lowered: MomentFunctions, starts: Sequence[Start], grid: Array, found
     """
     quick = (np.abs(found).max(axis=1, initial=0.0) <= _quick(lowered)) | rings(lowered, found)
     if quick.any():
-        quick &= have_machine_code(lowered, *(np.array(part) for part in zip(*((s.p, s.y) for s in starts), strict=True)))
+        quick &= have_machine_code(lowered, starts.p, starts.y)
     return [
-        "native" if each else _implicit_or_casadis(lowered, start, grid, own)
-        for each, start, own in zip(quick.tolist(), starts, found, strict=True)
+        "native" if each else _implicit_or_casadis(lowered, starts[k], grid, found[k])
+        for k, each in enumerate(quick.tolist())
     ]
 
 

@@ -7,9 +7,9 @@ restarted there, for no integrator sees an input that is shorter than its step.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from threading import RLock
 from typing import NamedTuple, Protocol
 
@@ -20,13 +20,14 @@ from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.solve.breakdown import Breakdown, explain
 from cadet_sym.solve.cvodes import Direct
 from cadet_sym.solve.krylov import Stepping
+from cadet_sym.solve.many import Start, Trajectory
 from cadet_sym.solve.native import Native
 from cadet_sym.solve.onset import onset
 from cadet_sym.solve.resting import Resting
 from cadet_sym.solve.scales import Tolerance
 from cadet_sym.solve.stiff import Stiff, bdf_compiles
 
-__all__ = ["ENGINES", "Engine", "March", "Start", "Trajectory", "edges", "march"]
+__all__ = ["ENGINES", "Engine", "March", "edges", "march"]
 
 Array = npt.NDArray[np.float64]
 
@@ -42,25 +43,6 @@ FEW = 700
 ENGINES = ("auto", "direct", "implicit", "krylov", "explicit", "stepping", "native", "stiff")
 
 
-class Trajectory(NamedTuple):
-    """Packed moments at the times asked for, and how they were integrated."""
-
-    time: Array  # (k,)
-    y: Array  # (k, size)
-    engine: str
-    rtol: float
-    statistics: Mapping[str, float]
-
-
-@dataclass(frozen=True, eq=False)
-class Start:
-    """Where a run starts and what it meets: packed moments at t = 0, parameters, times of known breakpoints."""
-
-    y: Array
-    p: Array
-    breakpoints: tuple[float, ...] = ()
-
-
 class March(NamedTuple):
     """A run that was integrated."""
 
@@ -68,7 +50,6 @@ class March(NamedTuple):
     engine: str  # by its name
     steps: int  # or how much work it was
     doubtful: bool  # whether it set out from gains that may have misled it
-    sound: bool = False  # whether it was looked over, and all was well
 
 
 class Engine(Protocol):

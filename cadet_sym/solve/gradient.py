@@ -16,9 +16,10 @@ import numpy.typing as npt
 
 from cadet_sym.errors import SolverError
 from cadet_sym.lowering.functions import MomentFunctions
+from cadet_sym.solve.many import Start
 from cadet_sym.solve.scales import peaks
 from cadet_sym.solve.sensitivity import adjoint, forward, head
-from cadet_sym.solve.transient import Start, engine_for, integrate
+from cadet_sym.solve.transient import engine_for, integrate
 from cadet_sym.solve.variational import COMPILED
 
 __all__ = ["Gradient", "start_entry"]

@@ -13,9 +13,10 @@ import numpy as np
 
 from cadet_sym.errors import ModelError, SolverError
 from cadet_sym.lowering.functions import MomentFunctions
+from cadet_sym.solve.many import Start
 from cadet_sym.solve.scales import peaks
 from cadet_sym.solve.sensitivity import forward
-from cadet_sym.solve.transient import Start, integrate
+from cadet_sym.solve.transient import integrate
 
 __all__ = ["Cycle", "find_cycle"]
 

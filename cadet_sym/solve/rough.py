@@ -18,8 +18,9 @@ from cadet_sym.memory import Memory
 from cadet_sym.packing import Packing
 from cadet_sym.solve.breakdown import Breakdown
 from cadet_sym.solve.choice import choose, compiles, modes
-from cadet_sym.solve.course import Start, march
+from cadet_sym.solve.course import march
 from cadet_sym.solve.evaluate import HUGE, Rate, results_over
+from cadet_sym.solve.many import Start
 from cadet_sym.solve.scales import Tolerance, peaks
 
 __all__ = ["ABSOLUTE", "Outline", "outline"]
@@ -105,4 +106,4 @@ def _first_engine(lowered: MomentFunctions, start: Start, grid: Array, largest: 
     fastest = min(float(np.nan_to_num(np.abs(each).max(initial=0.0), nan=np.inf)) for each in found)
     if fastest <= PATIENCE and compiles(lowered, start, "native"):
         return "native"
-    return choose(lowered, [start], grid, found[0][None])[0]
+    return choose(lowered, start.alone, grid, found[0][None])[0]

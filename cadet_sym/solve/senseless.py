@@ -41,7 +41,7 @@ def refuse_senseless(lowered: MomentFunctions, p: Array, duration: float) -> Non
             key="speed",
         )
     used = _which(lowered, 0, lambda: depends_on(lowered.motion.jac_sparsity(0, 1), lowered.places.jac_sparsity(0, 0)))
-    for travel, own in {each[used].tobytes(): each for each in p}.items():
+    for travel, own in {travel.tobytes(): own for travel, own in zip(p[:, used], p, strict=True)}.items():
         _sensible(lowered, (travel, duration), lambda own=own: _look(lowered, own, duration))
 
 

@@ -26,9 +26,10 @@ import numpy.typing as npt
 from cadet_sym.errors import ModelError, SolverError
 from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.solve.evaluate import behind
+from cadet_sym.solve.many import Start
 from cadet_sym.solve.onset import onset
 from cadet_sym.solve.scales import Tolerance
-from cadet_sym.solve.transient import Start, engine_for
+from cadet_sym.solve.transient import engine_for
 from cadet_sym.solve.variational import COMPILED, STEPS, columns_at_once, march_slopes, variational_rate
 
 __all__ = ["METHODS", "adjoint", "check_method", "forward", "head", "quantity"]

@@ -145,11 +145,11 @@ def look_over_all(
     return 0
 
 
-def are_sound(y: Array, packing: Packing, size: Array, team: Team = ALONE) -> list[bool]:
+def are_sound(y: Array, packing: Packing, size: Array, team: Team = ALONE) -> npt.NDArray[np.bool_]:
     """Which packed moments (runs, k, size), of sizes (size,) or (runs, size), are sound; False where that is not known."""
     (runs, rows, count), n = y.shape, packing.n
     if n > MANY or max(runs, next(_runs)) < PAYS or not available():
-        return [False] * runs
+        return np.zeros(runs, dtype=bool)
     y, size, verdicts = np.ascontiguousarray(y), np.ascontiguousarray(size), np.empty(runs)
     least = 0.5 * LIMIT  # so that no other way to round would find otherwise
 
@@ -160,7 +160,7 @@ def are_sound(y: Array, packing: Packing, size: Array, team: Team = ALONE) -> li
         _look_over_all()(address(y[part]), *given, address(block), address(lanes), address(verdicts[part]))
 
     team.share(runs, some)
-    return (verdicts == 1.0).tolist()
+    return np.asarray(verdicts == 1.0)
 
 
 @cache

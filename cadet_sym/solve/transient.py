@@ -21,8 +21,9 @@ from cadet_sym.memory import Memory
 from cadet_sym.packing import Packing
 from cadet_sym.solve.breakdown import Breakdown
 from cadet_sym.solve.choice import QUICK, choose, compiles, modes, rings
-from cadet_sym.solve.course import ENGINES, March, Start, Trajectory, edges, march
+from cadet_sym.solve.course import ENGINES, March, edges, march
 from cadet_sym.solve.definite import lost, warn_of_loss
+from cadet_sym.solve.many import Start, Starts, Trajectories, Trajectory
 from cadet_sym.solve.native import march_all, method
 from cadet_sym.solve.rough import ABSOLUTE, outline
 from cadet_sym.solve.scales import STEPS, Tolerance, fits, most_steps, peaks
@@ -31,7 +32,7 @@ from cadet_sym.solve.sound import are_sound
 from cadet_sym.solve.stiff import MANY_STATES
 from cadet_sym.warning import warn
 
-__all__ = ["ENGINES", "Start", "Trajectory", "check_times", "engine_for", "integrate", "integrate_all"]
+__all__ = ["ENGINES", "check_times", "engine_for", "integrate", "integrate_all"]
 
 Array = npt.NDArray[np.float64]
 
@@ -68,28 +69,20 @@ def integrate(
         If the integration fails or overflows: says at what time, for which state, and what was reached; `partial` is
         the Trajectory up to there.
     """
-    (found,) = integrate_all(lowered, [start], grid, rtol=rtol, engine=engine, declared=declared)[1]
-    if isinstance(found, Exception):
-        raise found
-    return found
+    return integrate_all(lowered, start.alone, grid, rtol=rtol, engine=engine, declared=declared)[0]
 
 
 def integrate_all(
     lowered: MomentFunctions,
-    starts: Sequence[Start],
+    starts: Starts,
     grid: Array,
     *,
     rtol: float = 1e-8,
     engine: str = "auto",
     declared: Callable[[], Start] | None = None,
     team: Team = ALONE,
-) -> tuple[Array, list[Trajectory | SolverError | ArithmeticError]]:
-    """Integrate many runs, each to the numbers of `integrate`; those of explicit machine code in one call, or one a part.
-
-    Returns
-    -------
-    The packed moments (runs, k, size), and every run's Trajectory, which looks into them, or why there is none.
-    """
+) -> Trajectories:
+    """Integrate many runs, each to the numbers of `integrate`; those of explicit machine code in one call, or one a part."""
     if not 1e-13 <= rtol <= 0.1:
         raise ModelError(f"rtol is {rtol!r}; it must lie between 1e-13 and 0.1.")
     if engine not in ENGINES:
@@ -102,22 +95,27 @@ def integrate_all(
         )
     began = time.perf_counter()
     plans = _plans(lowered, starts, grid, engine, declared)
-    ways = {known: edges(known, grid) for known in {each.breakpoints for each in starts}}
-    courses = [ways[each.breakpoints] for each in starts]
-    y, marches = _together(lowered, starts, courses, grid, plans, rtol, team)
-    doubted = [k for k, run in enumerate(marches) if run is None or not run.sound]
+    ways = {known: edges(known, grid) for known in set(starts.breakpoints)}
+    courses = [ways[known] for known in starts.breakpoints]
+    y, steps, sound = _together(lowered, starts, courses, grid, plans, rtol, team)
+    engines, doubted = [method(lowered)] * len(starts), np.flatnonzero(~sound).tolist()
+
+    def known(k: int) -> March | None:
+        return None if np.isnan(steps[k]) else March(y[k], engines[k], int(steps[k]), doubtful=False)
 
     def settle(part: slice) -> list[March | SolverError | ArithmeticError]:
-        return [_settled(lowered, starts[k], grid, plans[k], rtol, marches[k], y[k]) for k in doubted[part]]
+        return [_settled(lowered, starts[k], grid, plans[k], rtol, known(k), y[k]) for k in doubted[part]]
 
-    settled = dict(zip(doubted, (run for part in team.share(len(doubted), settle) for run in part), strict=True))
-    found = [settled.get(k, run) for k, run in enumerate(marches)]
+    failures = {}
+    for k, run in zip(doubted, (run for part in team.share(len(doubted), settle) for run in part), strict=True):
+        if isinstance(run, March):
+            engines[k], steps[k] = run.engine, run.steps
+        else:
+            failures[k] = run
     seconds = (time.perf_counter() - began) / max(len(starts), 1)
-    return y, [
-        _trajectory(grid, own, run, course, rtol, seconds) if isinstance(run, March) else run
-        for own, run, course in zip(y, found, courses, strict=True)
-        if run is not None
-    ]
+    stretches = np.array([len(course) - 1.0 for course in courses])
+    statistics = {"steps": steps, "stretches": stretches, "seconds": np.full(len(starts), seconds)}
+    return Trajectories(grid, y, engines, rtol, statistics, failures)
 
 
 def _settled(
@@ -134,62 +132,54 @@ def _settled(
     return run
 
 
-def _trajectory(grid: Array, y: Array, run: March, course: tuple[float, ...], rtol: float, seconds: float) -> Trajectory:
-    statistics = {"steps": float(run.steps), "stretches": len(course) - 1.0, "seconds": seconds}
-    return Trajectory(grid, y, run.engine, rtol, statistics)
-
-
 def _together(
     lowered: MomentFunctions,
-    starts: Sequence[Start],
+    starts: Starts,
     courses: Sequence[tuple[float, ...]],
     grid: Array,
     plans: Sequence[_Plan],
     rtol: float,
     team: Team,
-) -> tuple[Array, list[March | None]]:
-    """Runs in explicit machine code, all in one call, and room for the others; None of these, and of those that broke down."""
-    packing = lowered.facts.packing
-    marches: list[March | None] = [None] * len(starts)
+) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
+    """Runs in explicit machine code, all in one call, and room for the others.
+
+    Returns
+    -------
+    The packed moments (runs, k, size); the steps of every run, NaN of those that were not integrated or broke down; and
+    which are sound as they are.
+    """
+    packing, whole = lowered.facts.packing, (len(starts), len(grid), lowered.facts.packing.size)
     native = [k for k, plan in enumerate(plans) if plan.kind == "native"]
+    groups = [[k for k, plan in enumerate(plans) if plan.care == care] for care in {plan.care: None for plan in plans}]
+    if len(groups) > 1 or 0 < len(native) < len(starts):  # tolerances of their own, or engines
+        y, steps, sound = np.empty(whole), np.full(len(starts), np.nan), np.zeros(len(starts), dtype=bool)
+        for group in groups:
+            these = [k for k in group if plans[k].kind == "native"]
+            own, ways = starts.of(these), [courses[k] for k in these]
+            found = _together(lowered, own, ways, grid, [plans[k] for k in these], rtol, team)
+            y[these], steps[these], sound[these] = found
+        return y, steps, sound
     if not native:
-        return np.empty((len(starts), len(grid), packing.size)), marches
-    cares = {plan.care: None for plan in plans}
-    if len(cares) > 1:  # tolerances of their own
-        y = np.empty((len(starts), len(grid), packing.size))
-        for care in cares:
-            these = [k for k, plan in enumerate(plans) if plan.care == care]
-            own, ways = [starts[k] for k in these], [courses[k] for k in these]
-            y[these], found = _together(lowered, own, ways, grid, [plans[k] for k in these], rtol, team)
-            for k, run in zip(these, found, strict=True):
-                marches[k] = run
-        return y, marches
-    size = plans[native[0]].size
-    if any(plans[k].size is not size for k in native):
-        size = np.array([plans[k].size for k in native])
-    p, begin = np.array([starts[k].p for k in native]), np.array([starts[k].y for k in native])
-    tolerance = _tolerance(rtol, size, packing, "native", *cares)
-    runs = march_all(lowered, p, begin, [courses[k] for k in native], grid, tolerance, team)
-    y = runs.y
-    if len(native) < len(starts):
-        y = np.empty((len(starts), *runs.y.shape[1:]))
-        y[native] = runs.y
-    name, verdicts = method(lowered), are_sound(runs.y, packing, size, team)
-    for k, sound, steps, status in zip(native, verdicts, runs.steps.tolist(), runs.status.tolist(), strict=True):
-        marches[k] = None if status else March(y[k], name, int(steps), doubtful=False, sound=sound)
-    return y, marches
+        return np.empty(whole), np.full(len(starts), np.nan), np.zeros(len(starts), dtype=bool)
+    size = plans[0].size
+    if any(plan.size is not size for plan in plans):
+        size = np.array([plan.size for plan in plans])
+    tolerance = _tolerance(rtol, size, packing, "native", plans[0].care)
+    runs = march_all(lowered, starts.p, starts.y, courses, grid, tolerance, team)
+    done = runs.status == 0
+    return runs.y, np.where(done, runs.steps, np.nan), done & are_sound(runs.y, packing, size, team)
 
 
 def _judged(lowered: MomentFunctions, start: Start, grid: Array, plan: _Plan, rtol: float, run: March | None) -> March:
     """A run that was not found sound: integrated by itself if it was not yet, and again where it is not what it should be."""
-    packing, kind, size = lowered.facts.packing, plan.kind, plan.size
+    packing, kind, size, sound = lowered.facts.packing, plan.kind, plan.size, False
     if run is None:
         run = march(lowered, start, grid, kind, _tolerance(rtol, size, packing, kind, plan.care), rtol)
-        run = run._replace(sound=are_sound(run.y[None], packing, size[None])[0])
-    if not run.sound and not fits(size, run.y, packing):
+        sound = bool(are_sound(run.y[None], packing, size)[0])
+    if not sound and not fits(size, run.y, packing):
         size = peaks(np.vstack([start.y, run.y]), packing)
         run = march(lowered, start, grid, kind, _tolerance(rtol, size, packing, kind, plan.care), rtol)
-    if not run.sound and lost(run.y, packing).any():
+    if not sound and lost(run.y, packing).any():
         run = march(lowered, start, grid, kind, _tolerance(rtol * 1e-3, size, packing, kind, plan.care), rtol)
         warn_of_loss(grid, run.y, packing, lowered.facts.states)
     if run.doubtful:
@@ -249,34 +239,34 @@ class _Plan:
     care: Care
 
 
-_known: Memory[_Plan] = Memory()
+_known: Memory[list[_Plan]] = Memory()
 
 
 def _plans(
-    lowered: MomentFunctions, starts: Sequence[Start], grid: Array, engine: str, declared: Callable[[], Start] | None
+    lowered: MomentFunctions, starts: Starts, grid: Array, engine: str, declared: Callable[[], Start] | None
 ) -> list[_Plan]:
     """The plans of runs; of a single one remembered for the next of the same."""
     end = float(grid[-1])
 
-    def make(these: Sequence[Start]) -> list[_Plan]:
+    def make(these: Starts) -> list[_Plan]:
         known, kinds, steps = outline(lowered, these[0], end, declared), [engine] * len(these), [STEPS] * len(these)
         if engine == "auto":
-            found = modes(lowered, np.array([each.p for each in these]), end, known.along, QUICK)
+            found = modes(lowered, these.p, end, known.along, QUICK)
             kinds = choose(lowered, these, grid, found)
-            steps = [most_steps(len(these[0].y)) if each else STEPS for each in rings(lowered, found).tolist()]
+            steps = [most_steps(these.y.shape[1]) if each else STEPS for each in rings(lowered, found).tolist()]
         growth, ways = known.growth(lowered.facts.packing), list(zip(kinds, steps, strict=True))
         plans = {way: _Plan(way[0], known.size, Care(growth, way[1])) for way in set(ways)}
         return [plans[way] for way in ways]
 
-    if len(starts) > 1 and declared is not None:
-        return make(starts)
-    key = ref(lowered), lowered.jit, end, engine, declared is None
-    return [_known(start, key, lambda start=start: make([start])[0]) for start in starts]
+    if len(starts) == 1:
+        key = ref(lowered), lowered.jit, end, engine, declared is None
+        return _known(starts, key, lambda: make(starts))
+    return make(starts) if declared is not None else [make(starts.of([k]))[0] for k in range(len(starts))]
 
 
 def engine_for(lowered: MomentFunctions, start: Start, grid: Array) -> str:
     """The kind of engine that is chosen for a run."""
-    return _plans(lowered, [start], grid, "auto", None)[0].kind
+    return _plans(lowered, start.alone, grid, "auto", None)[0].kind
 
 
 def _tolerance(rtol: float, size: Array, packing: Packing, kind: str, care: Care) -> Tolerance:
