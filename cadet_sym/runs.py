@@ -23,7 +23,7 @@ from cadet_sym.results import MomentHistory, PeriodicMoments, Provenance
 from cadet_sym.solve.breakpoints import breakpoints_of
 from cadet_sym.solve.freeze import context_at
 from cadet_sym.solve.many import Start, Starts, Trajectories, Trajectory
-from cadet_sym.solve.outputs import outputs_over
+from cadet_sym.solve.outputs import Outputs, outputs_over
 from cadet_sym.solve.senseless import refuse_senseless
 from cadet_sym.solve.shares import team_of
 from cadet_sym.solve.start import initial_moments
@@ -77,8 +77,7 @@ class Runs:
     names: Names
     p: Array  # (runs, count) parameters
     found: Trajectories
-    output_mean: Array  # (runs, k, m)
-    output_variance: Array  # (runs, k, m)
+    outputs: Outputs
     derivatives: Derivatives | None  # of the model they came from
 
     def __len__(self) -> int:
@@ -102,8 +101,8 @@ class Runs:
             time=run.time,
             state_mean=mean,
             state_covariance=covariance,
-            output_mean=self.output_mean[k],
-            output_variance=self.output_variance[k],
+            output_mean=self.outputs.mean[k],
+            output_variance=self.outputs.variance[k],
             provenance=names.provenance(run.engine, run.rtol, run.statistics, self.p[k]),
             derivatives=self.derivatives,
         )
@@ -151,14 +150,14 @@ def run_all(
     for k, error in found.failures.items():
         if isinstance(error, SolverError) and isinstance(partial := error.details.get("partial"), Trajectory):
             error.partial = error.details["partial"] = _named(made, partial, p[k], derivatives)  # type: ignore[attr-defined]
-    return Runs(names, p, found, *outputs, derivatives)
+    return Runs(names, p, found, outputs, derivatives)
 
 
-def _tell_lost(functions: MomentFunctions, found: Trajectories, p: Array, outputs: tuple[Array, Array]) -> None:
+def _tell_lost(functions: MomentFunctions, found: Trajectories, p: Array, outputs: Outputs) -> None:
     """Warn of outputs (runs, k, m) that are no numbers though their run is well: nobody else would."""
-    lost = ~np.isfinite(outputs[0] + outputs[1])
-    if not lost.any():
+    if outputs.finite:
         return
+    lost = ~(np.isfinite(outputs.mean) & np.isfinite(outputs.variance))
     lost[list(found.failures)] = False
     if lost.any():
         from cadet_sym.solve.seen import warn_of_lost_outputs  # late: it needs SymPy
@@ -210,7 +209,7 @@ def run_cycle(made: Compiled, p: Array, period: float, points: int) -> PeriodicM
 def _named(made: Compiled, run: Trajectory, p: Array, derivatives: Derivatives | None) -> MomentHistory:
     """One run that was integrated, with its outputs."""
     outputs = outputs_over(made.functions, run.time, run.y[None], p[None])
-    return Runs(Names.of(made), p[None], Trajectories.of(run), *outputs, derivatives)[0]
+    return Runs(Names.of(made), p[None], Trajectories.of(run), outputs, derivatives)[0]
 
 
 def _with_wheel_errors(functions: MomentFunctions, found: Trajectories, p: Array, end: float) -> Trajectories:

@@ -17,7 +17,9 @@ from cadet_sym.memory import Memory
 from cadet_sym.packing import Packing
 from cadet_sym.solve import sound
 from cadet_sym.solve.definite import LIMIT, lost
+from cadet_sym.solve.outputs import outputs_over
 from cadet_sym.solve.scales import FEW_TIMES, MANY_TIMES, fits
+from cadet_sym.solve.shares import team_of
 
 
 @pytest.fixture(autouse=True)
@@ -81,6 +83,21 @@ def test_outputs_as_machine_code_are_the_first_to_the_last_bit(path, shipped, mo
     again = compiled.propagate(points=9)
     np.testing.assert_array_equal(trajectory.output_mean, again.output_mean)
     np.testing.assert_array_equal(trajectory.output_variance, again.output_variance)
+
+
+@pytest.mark.parametrize("pays", [-1, 10**9])
+def test_outputs_that_are_no_numbers_are_noticed_whoever_evaluates_them(pays, shipped, monkeypatch):
+    monkeypatch.setattr(functions, "PAYS", pays)
+    compiled = shipped("quarter_car_linear")
+    p = np.tile(compiled.parameter_vector(), (5, 1))
+    y, time = np.tile(compiled.initial(), (5, 3, 1)), np.arange(3.0)
+    with team_of(2) as team:
+        assert outputs_over(compiled.functions, time, y, p, team).finite
+        for run in range(5):
+            for entry in (0, compiled.packing.diagonal[0]):  # of the mean and of the variance of the stroke
+                broken = y.copy()
+                broken[run, 2, entry] = np.nan
+                assert not outputs_over(compiled.functions, time, broken, p, team).finite
 
 
 def test_many_runs_are_the_first_to_the_last_bit():
