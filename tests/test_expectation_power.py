@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from cadet_sym.errors import LinearisationError
 from cadet_sym.expectation import describing_function
 from cadet_sym.expectation.univariate import Univariate
 from cadet_sym.language.expression import parse, symbol
+from cadet_sym.lowering.check import check
 from cadet_sym.lowering.elements import element_function
 from cadet_sym.lowering.gaussian import Gaussian
 
@@ -84,3 +86,27 @@ def test_a_power_is_found_in_sums_and_what_is_none_stays_a_quadrature():
         left = made(text)
         assert left.integrals, text
         assert not left.powers, text
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "max(k*max(z - c, 0)**1.5*(1 + c*v), 0)",  # the contact of Hunt and Crossley, which does not stick
+        "max(k*max(c - z, 0)**k*(1 + c*v), 0)",
+        "max(abs(v)**0.5 - k, 0)",
+        "v*max(k - abs(v)**-0.5, 0)",
+        "max(k*sqrt(1 + v**2) - 3, 0)",
+    ],
+)
+def test_where_a_power_changes_sign_is_found(text):
+    body, numbers = parse(text), {"c": 0.3, "k": 1.5}
+    arguments = tuple(each for each in (Z, symbol("v")) if body.has(each))
+    df = describing_function(arguments, body, values={name: value for name, value in numbers.items() if body.has(symbol(name))})
+    found = check(df, numbers)
+    assert found.sure < 1e-8
+    assert max(found.error, found.gain_error) < 1e-9
+
+
+def test_a_power_of_which_no_sign_is_known_is_refused():
+    with pytest.raises(LinearisationError, match="a sign only where `z - 1` is not negative"):
+        describing_function((Z,), parse("max((z - 1)**n, 0)"), values={"n": 1.5})

@@ -206,7 +206,7 @@ class Splitter:
                 yield part, sign
 
     def _affine_signs(self, slope: sp.Expr, offset: sp.Expr, cell: Cell) -> Iterator[tuple[Cell, int]]:
-        root = -offset / slope
+        root = _root(slope, offset)
         for part, direction in self._constant_signs(slope, cell):
             if direction == 0:
                 yield from self._constant_signs(offset, part)
@@ -222,6 +222,14 @@ class Splitter:
         yield from parts
 
     def _irreducible_signs(self, expr: sp.Expr, cell: Cell) -> Iterator[tuple[Cell, int]]:
+        if expr.is_Pow and not expr.exp.has(self.z) and not expr.exp.is_integer:
+            for part, side in self.signs(expr.base, cell):
+                if side < 0 and expr.exp.is_integer is None:
+                    raise LinearisationError(
+                        f"{self.where}: `{expr}` has a sign only where `{expr.base}` is not negative; limit it with `max`"
+                    )
+                yield part, 1  # where the base is negative it is no number, which is told elsewhere
+            return
         inverse = _inverted(expr, self.z)
         if inverse is not None:
             yield from self.signs(inverse, cell)
@@ -289,6 +297,12 @@ _RULES: dict[type, Callable[[Splitter, sp.Expr, Cell], Partition]] = {
 _KINKED = tuple(_RULES)
 
 
+def _root(slope: sp.Expr, offset: sp.Expr) -> sp.Expr:
+    """-offset/slope, of which 0**q, q a parameter, is no part if it is a factor of both: SymPy makes zoo of its reciprocal."""
+    named = {power: sp.Dummy() for each in (slope, offset) for power in each.atoms(sp.Pow) if power.base.is_zero}
+    return (-offset.xreplace(named) / slope.xreplace(named)).xreplace({name: power for power, name in named.items()})
+
+
 def has_kinks(expr: sp.Expr, z: sp.Symbol) -> bool:
     """Whether the expression has a part that may have a kink or a jump in z."""
     return any(node.has(z) for node in expr.atoms(*_KINKED))
@@ -353,10 +367,13 @@ def _inverted(expr: sp.Expr, z: sp.Symbol) -> sp.Expr | None:
     """For g(w) - c with g increasing: an expression with the same sign, w - g^-1(c)."""
     level, rest = expr.as_independent(z, as_Add=True)
     scale, core = rest.as_independent(z, as_Add=False)
+    value = -level / scale
+    if core.is_Pow and core.exp.is_number and not core.exp.is_integer:  # a number, and not negative, where the base is not
+        way = 1 if core.exp > 0 else -1
+        return way * scale * (core.base - sp.Max(value, 0 if way > 0 else TINY) ** (1 / core.exp))
     inverse = _MONOTONE.get(type(core))
     if inverse is None:
         return None
-    value = -level / scale
     if not value.is_number:
         return scale * core.args[0] if level == 0 and core.func(0) == 0 else None
     lowest, highest = core.func(sp.S.NegativeInfinity), core.func(sp.S.Infinity)

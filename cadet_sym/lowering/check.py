@@ -33,6 +33,7 @@ BESIDE = 1e-12
 WAYS = 40  # in which f is looked at around a point
 SINGULAR = 1e-10  # variance along an axis, of standardised arguments, over the largest: it is taken to be none
 MOST_AXES = 2  # on which functions of more than three arguments are looked at
+NOTHING = 1e-100  # in any unit: of what is left of a function many deviations from all of it, an error is none
 BEYOND, HARDLY = 8.0, 1e-6  # deviations at which |f| is looked at, and the part of it that an error is relative to at least
 
 
@@ -282,7 +283,7 @@ class Truth:
         back = np.linalg.inv(L).T[np.argsort(order)]
         ways = BEYOND * L[np.argsort(order)]
         far = np.abs([_value(df, numbers, mean + ways @ e) for e in product((-1, 0, 1), repeat=len(mean))])  # hardly ever met
-        size = max(found.size, HARDLY * np.max(far, where=np.isfinite(far), initial=0.0), 1e-300)
+        size = max(found.size, HARDLY * np.max(far, where=np.isfinite(far), initial=0.0), NOTHING)
         units = np.array([size, *(size / np.sqrt(np.diag(covariance)))])
         errors = found.error * np.array([1.0, *np.linalg.norm(back, axis=1)])
         return Truth(np.array([found.value, *(back @ found.moments)]), units, errors / units, found.evaluations)
