@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import sympy as sp
+from conftest import SHIPPED
 from reference_models import toml
 from scipy.linalg import expm
 
@@ -15,7 +16,7 @@ import cadet_sym as cs
 from cadet_sym.errors import ModelError, SolverError
 from cadet_sym.packing import Packing
 from cadet_sym.solve import choice, stiff
-from cadet_sym.solve.evaluate import _roomy, results, results_over, results_shared
+from cadet_sym.solve.evaluate import _roomy, gains_over, results, results_over, results_shared
 from cadet_sym.solve.implicit import Inverse, PackedIndex, scaled_form
 from cadet_sym.solve.lyapunov import modal_form
 
@@ -290,3 +291,38 @@ def test_runs_that_begin_alike_are_given_their_first_modal_form(monkeypatch):
     second = compiled.propagate(points=5)
     assert len(made) == forms > 0
     np.testing.assert_allclose(first.variance["x"][-1], second.variance["x"][-1], rtol=1e-6)
+
+
+def test_where_the_gains_are_said_to_stand_still_they_do_at_any_time_and_moments(shipped):
+    rng, still = np.random.default_rng(0), set()
+    for path in SHIPPED:
+        compiled = shipped(path.stem)
+        p = np.tile(compiled.parameter_vector(), (20, 1))
+        y = compiled.initial() + rng.normal(size=(20, compiled.packing.size))
+        N = gains_over(compiled.functions, np.linspace(0.0, compiled.declaration.duration, 20), y, p)
+        if choice.stands_still(compiled.functions):
+            assert (N[0] == N).all()
+            still.add(path.stem)
+    assert "quarter_car_linear" in still
+    assert "oleo_constant_speed" not in still
+
+
+@pytest.mark.parametrize(
+    ("rate", "speed", "still"),
+    [
+        ("-4*x - 0.4*v + w", "3.0", True),
+        ("-4*x - 0.4*v + sin(t)", "3.0", False),  # with time in any place it is not looked at where
+        ("-4*x - 0.4*v - sin(t)*x + w", "3.0", False),
+        ("-4*x - 0.4*v - tanh(v) + w", "3.0", False),
+        ("-4*x - 0.4*v + h", "3.0", True),
+        ("-4*x - 0.4*v + h", "3.0 + t", False),
+    ],
+)
+def test_gains_that_may_move_are_not_said_to_stand_still(rate, speed, still):
+    parts = [f'name = "oscillator"\n[rates]\nx = "v"\nv = "{rate}"']
+    if rate.endswith("w"):
+        parts.append("[noise]\nw = 1.0")
+    if rate.endswith("h"):
+        parts.append('[contacts]\nh = {}\n[ground]\nkind = "iso8608"\ngd = 1e-6\nn0 = 0.1\ncutoff = 0.01')
+        parts.append(f'[travel]\nspeed = "{speed}"')
+    assert choice.stands_still(cs.compile(toml("\n".join(parts))).functions) == still

@@ -13,7 +13,7 @@ from cadet_sym.solve.native import has_machine_code, have_machine_code
 from cadet_sym.solve.scales import most_steps
 from cadet_sym.solve.stiff import bdf_compiles
 
-__all__ = ["Modes", "choose", "compiles", "modes", "rings"]
+__all__ = ["Modes", "choose", "compiles", "modes", "rings", "stands_still"]
 
 Array = npt.NDArray[np.float64]
 Modes = npt.NDArray[np.complex128]
@@ -113,10 +113,12 @@ def modes(lowered: MomentFunctions, p: Array, duration: float, along: Array, eno
     -------
     (k, m n); (k, n) where N is the same at all times.
     """
+    if stands_still(lowered):
+        along = along[:1]
     runs, m = len(p), len(along)
     times = duration * np.arange(m) / max(m - 1, 1)
     N = gains_over(lowered, np.tile(times, runs), np.tile(along, (runs, 1)), np.repeat(p, m, axis=0)).reshape(runs, m, -1)
-    if (N[:, :1] == N).all():  # as that of a linear model
+    if (N[:, :1] == N).all():  # as that of a model that happens to be linear
         N = N[:, :1]
     found = np.full((runs, N.shape[1] * lowered.facts.packing.n), complex(np.nan))
     matrices = 2 * duration * N.reshape(*N.shape[:2], lowered.facts.packing.n, -1)
@@ -127,6 +129,13 @@ def modes(lowered: MomentFunctions, p: Array, duration: float, along: Array, eno
         rest = rest[bounds > enough]
     found[rest] = np.linalg.eigvals(matrices[rest]).reshape(-1, found.shape[1])
     return found
+
+
+def stands_still(lowered: MomentFunctions) -> bool:
+    """Whether N is surely the same all along every run: that of a linear model at a constant speed."""
+    facts, motion = lowered.facts, lowered.motion
+    moves = facts.arguments or facts.explicit or facts.needs_distance or facts.gated or facts.delay is not None
+    return not moves and not motion.jac_sparsity(0, 0).nnz() and not motion.jac_sparsity(1, 0).nnz()
 
 
 def _bounds(matrices: Array) -> Array:
