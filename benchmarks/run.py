@@ -34,7 +34,7 @@ import cadet_sym as cs
 from cadet_sym.solve.evaluate import Rate
 from cadet_sym.solve.native import march_all
 from cadet_sym.solve.scales import Tolerance
-from cadet_sym.solve.shares import team_of
+from cadet_sym.solve.shares import Team
 
 ROOT = Path(__file__).resolve().parent.parent
 FIGURE_3 = ROOT / "models" / "oleo_acceleration.toml"
@@ -200,8 +200,7 @@ def integrator_alone(compiled: cs.CompiledModel, runs: int) -> Callable[[int], N
     grid, tolerance = np.linspace(0.0, end, 501), Tolerance(1e-8, 1e-3, np.ones(y.shape[1]))
 
     def all_of_them(workers: int) -> None:
-        with team_of(workers) as team:
-            march_all(compiled.functions, p, y, [(0.0, end)] * runs, grid, tolerance, team)
+        march_all(compiled.functions, p, y, [(0.0, end)] * runs, grid, tolerance, Team(workers - 1))
 
     return all_of_them
 

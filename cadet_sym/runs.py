@@ -25,7 +25,7 @@ from cadet_sym.solve.freeze import context_at
 from cadet_sym.solve.many import Start, Starts, Trajectories, Trajectory
 from cadet_sym.solve.outputs import Outputs, outputs_over
 from cadet_sym.solve.senseless import refuse_senseless
-from cadet_sym.solve.shares import team_of
+from cadet_sym.solve.shares import Team
 from cadet_sym.solve.start import initial_moments
 from cadet_sym.solve.transient import check_times, integrate, integrate_all
 from cadet_sym.solve.wheels import present_errors
@@ -141,9 +141,9 @@ def run_all(
     functions, names, end = made.functions, Names.of(made), float(grid[-1])
     starts = starts_of(made, p, end)
     declared = declared_start(made, end) if alike else None
-    with team_of(min(workers, len(p))) as team:
-        found = integrate_all(functions, starts, grid, rtol=rtol, engine=engine, declared=declared, team=team)
-        outputs = outputs_over(functions, grid, found.y, p, team)
+    team = Team(min(workers, len(p)) - 1)
+    found = integrate_all(functions, starts, grid, rtol=rtol, engine=engine, declared=declared, team=team)
+    outputs = outputs_over(functions, grid, found.y, p, team)
     _tell_lost(functions, found, p, outputs)
     if functions.facts.delay is not None:
         found = _with_wheel_errors(functions, found, p, end)

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import threading
+import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
-from multiprocessing import get_context
+from functools import cache
+from multiprocessing import get_all_start_methods, get_context
 
 import numpy as np
 import pytest
@@ -15,8 +18,9 @@ from reference_models import toml
 import cadet_sym as cs
 from cadet_sym import sweeps
 from cadet_sym.errors import ModelError
+from cadet_sym.solve import shares
 from cadet_sym.solve.native import Native
-from cadet_sym.solve.shares import team_of
+from cadet_sym.solve.shares import Team
 from cadet_sym.sweeps import sweep
 
 MODEL = """
@@ -267,12 +271,39 @@ def test_a_team_does_every_part_once_and_tells_of_what_went_wrong(workers):
     def fails(part):
         raise ArithmeticError(f"part {part.start}")
 
-    with team_of(workers) as team:
-        for count in (0, 1, 13, 200):
-            parts = team.share(count, lambda part: range(part.start, part.stop))
-            assert [k for part in parts for k in part] == list(range(count))
-        with pytest.raises(ArithmeticError, match="part"):
-            team.share(100, fails)
+    team = Team(workers - 1)
+    for count in (0, 1, 13, 200):
+        parts = team.share(count, lambda part: range(part.start, part.stop))
+        assert [k for part in parts for k in part] == list(range(count))
+    with pytest.raises(ArithmeticError, match="part"):
+        team.share(100, fails)
+
+
+def test_teams_at_once_and_from_within_threads_of_their_own_wait_for_nobody_who_does_not_come(monkeypatch):
+    monkeypatch.setattr(shares, "_others", cache(lambda: ThreadPoolExecutor(1)))  # one thread for all of them
+
+    def ask(begin: int) -> list[int]:
+        return Team(3).share(20, lambda part: sum(range(begin + part.start, begin + part.stop)))
+
+    with ThreadPoolExecutor(4) as pool:
+        assert [sum(each) for each in pool.map(ask, range(50))] == [sum(range(k, k + 20)) for k in range(50)]
+
+
+@pytest.mark.skipif("fork" not in get_all_start_methods(), reason="no fork on this system")
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of a process with threads that forks
+def test_a_process_that_was_forked_has_threads_of_its_own():
+    def ask() -> None:
+        sys.exit(len(set(Team(1).share(40, who))))
+
+    def who(part: slice) -> int:
+        time.sleep(0.01)  # so that the other comes
+        return threading.get_ident()
+
+    assert len(set(Team(1).share(40, who))) == 2
+    child = get_context("fork").Process(target=ask)
+    child.start()
+    child.join(60)
+    assert child.exitcode == 2
 
 
 def test_a_sweep_like_one_before_is_not_tried_out_first(monkeypatch):

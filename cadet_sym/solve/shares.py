@@ -1,23 +1,27 @@
 """Share runs out among threads, which machine code leaves Python's lock to.
 
 Whoever is ready takes a part of what is left, who asks as well as the others: the parts become smaller, so that all are done
-at about the same time.
+at about the same time. The other threads stay, and wait for whoever asks next; nobody waits for one that did not come.
 """
 
 from __future__ import annotations
 
+import os
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-__all__ = ["ALONE", "Team", "team_of"]
+__all__ = ["ALONE", "Team"]
 
 T = TypeVar("T")
+
+MOST = 256
+"""Threads that are kept for all teams."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +29,6 @@ class Team:
     """Who asks, and other threads."""
 
     others: int
-    pool: Executor | None
 
     def share(self, count: int, some: Callable[[slice], T]) -> list[T]:
         """What `some` gives for parts of so many runs, in their order."""
@@ -43,8 +46,13 @@ class Team:
                     parts.clear()
                     raise
 
-        helping = [self.pool.submit(work) for _ in range(min(self.others, len(parts) - 1))] if self.pool else []
-        work()
+        asked = [_others().submit(work) for _ in range(min(self.others, len(parts) - 1))]
+        try:
+            work()
+        finally:
+            helping = [each for each in asked if not each.cancel()]
+            for each in helping:
+                each.exception()  # once it is done
         for each in helping:
             each.result()
         return [found[start] for start in sorted(found)]
@@ -57,17 +65,17 @@ class Team:
             begin = end
 
 
-ALONE = Team(0, None)
+ALONE = Team(0)
 """Whoever asks does all of it at once."""
 
 
-@contextmanager
-def team_of(workers: int) -> Iterator[Team]:
-    """So many threads, for a while."""
-    if workers <= 1:
-        yield ALONE
-        return
+@cache
+def _others() -> Executor:
+    """Threads that begin when they are wanted."""
     from concurrent.futures import ThreadPoolExecutor
 
-    with ThreadPoolExecutor(workers - 1) as pool:
-        yield Team(workers - 1, pool)
+    return ThreadPoolExecutor(MOST)
+
+
+if hasattr(os, "register_at_fork"):  # a process that was forked has none of them
+    os.register_at_fork(after_in_child=_others.cache_clear)
