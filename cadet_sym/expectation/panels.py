@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
 
@@ -67,7 +67,14 @@ class Panel:
 
     run: Callable[..., Nodes]  # (t, w, algebra, numbers) -> nodes, the weights without a density
     numbers: tuple[Number, ...]
-    rule: tuple[np.ndarray, np.ndarray]  # t, w
+    length: Number  # of the stretch, in whatever runs through it; zero if there is nothing of it
+    parts: int  # of equal length in that, with so many nodes each
+    order: int
+
+    @property
+    def rule(self) -> tuple[np.ndarray, np.ndarray]:
+        """t, w."""
+        return composite(self.parts, self.order)
 
     def nodes(self, t: Number, w: Number, xp: Algebra) -> Nodes:
         """The nodes that those on [0, 1] become."""
@@ -85,10 +92,15 @@ def _graded(t: Number, w: Number, xp: Algebra, end: Number, first: Number, last:
     return Nodes(end + distance, 4 * tau**3 * (last - first) * w, distance)
 
 
-def _from_end(t: Number, w: Number, xp: Algebra, end: Number, stop: Number, *, power: int) -> Nodes:
+@dataclass(frozen=True)
+class _FromEnd:
     """By u = end + stop t^power."""
-    distance = stop * t**power
-    return Nodes(end + distance, stop * (power * t ** (power - 1) * w), distance, stop)
+
+    power: int
+
+    def __call__(self, t: Number, w: Number, xp: Algebra, end: Number, stop: Number) -> Nodes:
+        distance = stop * t**self.power
+        return Nodes(end + distance, stop * (self.power * t ** (self.power - 1) * w), distance, stop)
 
 
 def _stretched(
@@ -123,7 +135,7 @@ def lay_out(part: Integral, low: Number, high: Number, steep: list[tuple[Number,
     """
     if part.is_trapezoidal:
         return [_Layout(part, xp).trapezoidal(low, high, *steep[0])]
-    if part.rule.hermite and part.is_whole_line and not steep:
+    if not part.has_panels:
         u, w = np.polynomial.hermite_e.hermegauss(part.rule.straight)
         return [Nodes(xp.column(u), xp.column(w / ROOT_TWO_PI))]
     found = []
@@ -190,7 +202,7 @@ class _Layout:
 
     def straight(self, low: Number, high: Number) -> Panel:
         """One panel, which may be as long as the whole stretch."""
-        return Panel(_straight, (low, high), legendre(self.rule.straight))
+        return Panel(_straight, (low, high), high - low, 1, self.rule.straight)
 
     def from_end(self, end: Number, length: Number) -> list[Panel]:
         """From a singular end inwards: a graded panel, then a straight one."""
@@ -199,10 +211,10 @@ class _Layout:
 
     def graded(self, end: Number, start: Number, stop: Number) -> Panel:
         """From start to stop away from a singular end, by u = end + t^power."""
-        rule = legendre(self.rule.graded)
         if isinstance(start, float) and start == 0:
-            return Panel(partial(_from_end, power=self.rule.power), (end, stop), rule)
-        return Panel(_graded, (end, self.root(start), self.root(stop)), rule)
+            return Panel(_FromEnd(self.rule.power), (end, stop), stop, 1, self.rule.graded)
+        first, last = self.root(start), self.root(stop)
+        return Panel(_graded, (end, first, last), last - first, 1, self.rule.graded)
 
     def root(self, x: Number) -> Number:
         """The inverse of the substitution at a singular end, of power 4."""
@@ -278,7 +290,7 @@ class _Layout:
         """From start to end away from a pole."""
         length = _spacing(width, self.xp)
         first, last = self.substituted(start, width, length), self.substituted(end, width, length)
-        return Panel(_stretched, (centre, width, first, last, sign), composite(self.rule.panels, self.rule.order))
+        return Panel(_stretched, (centre, width, first, last, sign), last - first, self.rule.panels, self.rule.order)
 
     def substituted(self, distance: Number, width: Number, length: Number) -> Number:
         """tau at a distance from a pole: sinh(tau) = (l/w) sinh(distance/l)."""

@@ -73,6 +73,11 @@ class Integral:
         return self.is_whole_line and len(self.steep) == 1 and not self.steep[0].step
 
     @property
+    def has_panels(self) -> bool:
+        """Whether it is cut into panels, not taken as a whole by one of the rules for the whole line."""
+        return not self.is_trapezoidal and not (self.rule.hermite and self.is_whole_line and not self.steep)
+
+    @property
     def nodes(self) -> int:
         """Points at which the expression is evaluated."""
         rule, zones = self.rule, 2 if any(place.step for place in self.steep) else 1
