@@ -31,21 +31,31 @@ def sums_at(
     Functions under one distribution share what they need of it. z may be the distance from an end; `turned` is its derivative
     in the outer argument, 1 or -1.
     """
-    from cadet_sym.lowering.joint import Joint
-
     size = len(df.means)
     z, u, weights = (ca.SX.sym(name, count) for name in ("z", "u", "weights"))
     m, lean, S = ca.SX.sym("m", size), ca.SX.sym("lean", size), ca.SX.sym("S", len(df.covariances))
-    q, total = ca.SX.sym("q", len(free) - 1), ca.SX.zeros(2 + size)
+    same = [m, lean, S, ca.SX.sym("q", len(free) - 1)]
+    node, total = _sums_at_one(df, slope, free, turned, same), ca.SX.zeros(2 + size)
     for k in range(count):
-        joint = Joint(m + lean * u[k], S, dict(zip(free, (z[k], *ca.vertsplit(q)), strict=True)))
-        F, gain = joint.expectation_and_gain(df)
-        values = ca.vertcat(F, joint.expectation(slope) + turned * _moving_jumps(df, joint, free[0]), gain)
-        total += weights[k] * ca.if_else(weights[k] != 0, values, 0)
+        total += node(z[k], u[k], weights[k], *same)
     total = ca.densify(total)
-    arguments = [z, u, weights, m, lean, S, q]
+    arguments = [z, u, weights, *same]
     function = ca.Function("nodes", arguments, [total])
     return function if function.find_functions() else ca.Function("nodes", arguments, [ca.cse(total)])
+
+
+def _sums_at_one(
+    df: DescribingFunction, slope: DescribingFunction, free: tuple[sp.Symbol, ...], turned: int, same: list[ca.SX]
+) -> ca.Function:
+    """The same of one node, written out once for all of them."""
+    from cadet_sym.lowering.joint import Joint
+
+    z, u, weight = (ca.SX.sym(name) for name in ("z", "u", "weight"))
+    m, lean, S, q = same
+    joint = Joint(m + lean * u, S, dict(zip(free, (z, *ca.vertsplit(q)), strict=True)))
+    F, gain = joint.expectation_and_gain(df)
+    values = ca.vertcat(F, joint.expectation(slope) + turned * _moving_jumps(df, joint, free[0]), gain)
+    return ca.Function("node", [z, u, weight, *same], [weight * ca.if_else(weight != 0, values, 0)])
 
 
 @lru_cache(maxsize=256)
