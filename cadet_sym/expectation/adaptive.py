@@ -11,7 +11,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import permutations
+from functools import lru_cache
+from itertools import islice, permutations
 from math import ceil
 
 import numpy as np
@@ -178,9 +179,8 @@ def integrate(
     tolerance : of the result, relative to E|f|.
     most : evaluations of f after which it stops; if it has not converged, it tries again with a tolerance that may be met.
     """
-    count = len(arguments)
-    placed = tuple(tuple(_places(body, arguments, level)) for level in range(count))
     m, root = np.asarray(mean, float), np.asarray(L, float)
+    placed = tuple(_places(body, arguments, level) for level in range(len(arguments)))
     integrand = _Integrand(arguments, body, numbers, m, root, placed, FINER * tolerance)
     reach, size = _extent(integrand, NEGLIGIBLE * tolerance)
     best: Integrated | None = None
@@ -197,7 +197,8 @@ def integrate(
     return replace(best, evaluations=spent)
 
 
-def _places(body: sp.Expr, arguments: tuple[sp.Symbol, ...], level: int) -> list[sp.Expr]:
+@lru_cache(maxsize=256)  # the same function is integrated for many moments
+def _places(body: sp.Expr, arguments: tuple[sp.Symbol, ...], level: int) -> tuple[sp.Expr, ...]:
     """What is zero where f switches, is singular or is steep, and has this argument for its last."""
     z, later = arguments[level], set(arguments[level + 1 :])
     found = dict.fromkeys(f for a in arguments for f in switching_functions(body, a))
@@ -212,9 +213,10 @@ def _places(body: sp.Expr, arguments: tuple[sp.Symbol, ...], level: int) -> list
     found.update({sp.diff(place, z): None for place in list(found)})  # zeros near to each other lie about one of this
     parts = dict.fromkeys(part for place in found for part in _parts(place, arguments, level))
     usable = (p for p in parts if p.has(z) and not p.free_symbols & later and not p.has(sp.Derivative, sp.DiracDelta, sp.Subs))
-    return list(usable)[:MOST_PLACES]
+    return tuple(islice(usable, MOST_PLACES))
 
 
+@lru_cache(maxsize=256)
 def easiest_order(arguments: tuple[sp.Symbol, ...], body: sp.Expr) -> tuple[int, ...]:
     """The arguments in the order in which they are best integrated over: what switches should be linear in the last it has.
 

@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import sympy as sp
 from sympy.core.relational import Relational
@@ -337,7 +338,8 @@ def factors_of(expr: sp.Expr, z: sp.Symbol) -> list[sp.Expr]:
     return [constant, *odd] if constant != 1 and odd else odd or [constant]
 
 
-def factored(expr: sp.Expr) -> tuple[sp.Expr, list[tuple[sp.Expr, int]]]:
+@lru_cache(maxsize=4096)  # the same polynomials are met again and again
+def factored(expr: sp.Expr) -> tuple[sp.Expr, tuple[tuple[sp.Expr, int], ...]]:
     """A constant with the sign of the polynomial's, and its factors with their powers."""
     numerator, denominator = sp.fraction(sp.together(expr))
     try:
@@ -345,7 +347,7 @@ def factored(expr: sp.Expr) -> tuple[sp.Expr, list[tuple[sp.Expr, int]]]:
     except sp.PolynomialError:  # exponentials of other symbols beside roots of numbers
         constant, rest = numerator.as_coeff_mul(*numerator.free_symbols)
         factors = [(factor, 1) for factor in rest]
-    return constant * denominator, factors
+    return constant * denominator, tuple(factors)
 
 
 def _literal_factors(expr: sp.Expr) -> list[tuple[sp.Expr, sp.Expr]]:
