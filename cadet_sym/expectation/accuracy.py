@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -94,15 +94,14 @@ def error_of(part: Integral, sample: Mapping[sp.Symbol, float], scale: float) ->
 
 
 def _cheapest(part: Integral, numbers: dict[sp.Symbol, float], wish: Wish, among: tuple[Rule, ...] = ()) -> Integral:
-    means, spreads = _grid(part, numbers)
     checked, wanted = [part, part.derivative()], wish.error
     if any(part.singular):  # its gain is taken by parts, which multiplies the error by the distance from the mean
         checked, wanted = [part, *_away_from_end(part)], wanted / REACH
-    near = [_Reference(p, numbers, means, spreads) for p in checked]
-    far = [_Reference(p, numbers, *_grid(part, numbers, WIDE * wish.scale)) for p in checked] if part.steep else []
+    near = _Reference(checked, numbers, *_grid(part, numbers))
+    far = _Reference(checked, numbers, *_grid(part, numbers, WIDE * wish.scale)) if part.steep else None
     found = part
     for rule in among or rules(part):
-        here, beyond = (max((reference.error(rule) for reference in each), default=0.0) for each in (near, far))
+        here, beyond = near.error(rule), far.error(rule) if far else 0.0
         found = replace(part, rule=rule, error=max(here, beyond))
         if here <= wanted and beyond <= max(wanted, FAR_ERROR):
             break
@@ -118,24 +117,29 @@ def _away_from_end(part: Integral) -> Iterator[Integral]:
 
 
 class _Reference:
-    """Accurate expectations of a piece over a grid, against which rules are held."""
+    """Accurate expectations over a grid, against which rules are held, of expressions that have their nodes in common."""
 
-    def __init__(self, part: Integral, numbers: dict[sp.Symbol, float], means: np.ndarray, spreads: np.ndarray):
-        self.part, self.case = part, (numbers, means, spreads)
-        self.value, sizes = _estimate(replace(part, rule=_reference(part)), *self.case)
-        sizes = np.where(np.isfinite(sizes), sizes, 0.0)
+    def __init__(self, parts: Sequence[Integral], numbers: dict[sp.Symbol, float], means: np.ndarray, spreads: np.ndarray):
+        self.parts, self.case = parts, (numbers, means, spreads)
+        estimates = _estimates(parts, _reference(parts[0]), *self.case)
         _, group = np.unique(spreads, return_inverse=True)
-        largest = np.zeros(group.max() + 1)
-        np.maximum.at(largest, group, sizes)
-        self.scale = sizes + FLOOR * largest[group]
+        self.values, self.scales = [], []
+        for value, sizes in estimates:
+            sizes = np.where(np.isfinite(sizes), sizes, 0.0)
+            largest = np.zeros(group.max() + 1)
+            np.maximum.at(largest, group, sizes)
+            self.values.append(value)
+            self.scales.append(sizes + FLOOR * largest[group])
 
     def error(self, rule: Rule) -> float:
         """Largest error, relative to E|f| at the mean or to a part of its largest value at any mean."""
-        found, _ = _estimate(replace(self.part, rule=rule), *self.case)
-        with np.errstate(all="ignore"):
-            errors = np.abs(found - self.value) / self.scale
-        errors = errors[np.isfinite(errors) & (self.scale > 0)]
-        return float(errors.max()) if errors.size else 0.0
+        worst = 0.0
+        for (found, _), value, scale in zip(_estimates(self.parts, rule, *self.case), self.values, self.scales, strict=True):
+            with np.errstate(all="ignore"):
+                errors = np.abs(found - value) / scale
+            errors = errors[np.isfinite(errors) & (scale > 0)]
+            worst = max(worst, float(errors.max()) if errors.size else 0.0)
+        return worst
 
 
 def _is_empty(part: Integral, numbers: Mapping[sp.Symbol, float]) -> bool:
@@ -199,10 +203,11 @@ def _wave_lengths(part: Integral, numbers: dict[sp.Symbol, float]) -> list[float
     return [1 / max(abs(evaluate(line[0], numbers)), 1e-9) for line in lines if line is not None]
 
 
-def _estimate(
-    part: Integral, numbers: dict[sp.Symbol, float], means: np.ndarray, spreads: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """E[f] of the piece and E|f|, over the grid."""
+def _estimates(
+    parts: Sequence[Integral], rule: Rule, numbers: dict[sp.Symbol, float], means: np.ndarray, spreads: np.ndarray
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """E[f] and E|f| over the grid, of expressions that differ in their values alone."""
+    part = replace(parts[0], rule=rule)
     low = np.full_like(means, -REACH)
     high = np.full_like(means, REACH)
     if not part.lower.is_infinite:
@@ -212,9 +217,13 @@ def _estimate(
     steep: list[tuple[Any, Any]] = [
         ((evaluate(s.centre, numbers) - means) / spreads, evaluate(s.width, numbers) / spreads) for s in part.steep
     ]
+    found = []
     with np.errstate(all="ignore"):
         pieces = lay_out(part, low, np.maximum(low, high), steep, NumpyAlgebra())
-        values = [(_value(part, numbers, means + spreads * n.u), n.weight) for n in pieces]
-        total = sum(np.sum(np.where(w == 0, 0, v) * w, axis=0) for v, w in values)
-        size = sum(np.sum(np.where(w == 0, 0, np.abs(v)) * w, axis=0) for v, w in values)
-    return np.asarray(total), np.asarray(size)
+        nodes = [(means + spreads * n.u, n.weight) for n in pieces]
+        for each in parts:
+            values = [(np.where(w == 0, 0, _value(each, numbers, z)), w) for z, w in nodes]
+            total = sum(np.sum(v * w, axis=0) for v, w in values)
+            size = sum(np.sum(np.abs(v) * w, axis=0) for v, w in values)
+            found.append((np.asarray(total), np.asarray(size)))
+    return found
