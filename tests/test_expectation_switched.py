@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 import sympy as sp
 from conftest import half
+from nested_integrals import function_of
+from nested_integrals import truth as integral
 
 from cadet_sym.expectation import describing_function
 from cadet_sym.expectation.adaptive import integrate
@@ -133,6 +135,7 @@ DENSITY = np.exp(-LINE * LINE / 2) / np.sqrt(2 * np.pi) * (LINE[1] - LINE[0])
     [
         ("max(x - y**3, 0)", ("heaviside(x - y**3)", "-3*y**2*heaviside(x - y**3)")),
         ("clip(x*y**2, -1, 1)", ("y**2 if abs(x*y**2) < 1 else 0", "2*x*y if abs(x*y**2) < 1 else 0")),
+        ("clip(x*y**3, -1, 1)", ("y**3 if abs(x*y**3) < 1 else 0", "3*x*y**2 if abs(x*y**3) < 1 else 0")),
         ("max(x - sin(y), 0)", ("heaviside(x - sin(y))", "-cos(y)*heaviside(x - sin(y))")),
         ("abs(x - tanh(3*y))", ("sign(x - tanh(3*y))", "3*(tanh(3*y)**2 - 1)*sign(x - tanh(3*y))")),
     ],
@@ -151,16 +154,28 @@ def test_kinks_on_any_curve_are_followed_up_to_full_correlation(text, slopes):
         assert errors.max() < 1e-4
 
 
+def test_kinks_that_go_to_infinity_are_found_beside_the_place_where_they_do():
+    """One that the line passes next to it was overlooked: at deviation 10 the gain was a tenth off."""
+    function, switches = function_of("clip(x*y**3, -1, 1)", ("x", "y"), {})
+    describing = element_function(describing_function((X, Y), parse("clip(x*y**3, -1, 1)")), ())
+    mean, L = np.array([6.0, -11.2]), np.array([[10.0, 0.0], [5.6, 12.83]])
+    F, gain = describing(mean, (L @ L.T)[np.tril_indices(2)], [])
+    wanted = integral(function, switches, mean, L)
+    assert float(F) == pytest.approx(wanted.value, abs=1e-9)
+    assert (L.T @ np.array(gain)).ravel() == pytest.approx(wanted.gains, abs=1e-9)
+
+
 def test_nodes_are_laid_out_where_they_are_used_and_a_line_is_looked_at_once():
     """The whole took 72,000 operations at every call, most of them for panels of which there is nothing."""
     assert size(element_function(describing_function((X, Y), parse("clip(x*y**2, -1, 1)")), ())) < 35_000
 
 
-def test_a_kink_that_may_be_anywhere_leaves_gains_finite_without_variance():
-    # the kink of clip(x y^2) in x is at 1/y^2, about which the gain was 1e36
-    function = element_function(describing_function((X, Y), parse("clip(x*y**2, -1, 1)")), ())
+@pytest.mark.parametrize("n", [2, 3])
+def test_a_kink_that_may_be_anywhere_leaves_gains_finite_without_variance(n):
+    # the kink of clip(x y^n) in x is at 1/y^n, about which the gain was 1e36, or no number
+    function = element_function(describing_function((X, Y), parse(f"clip(x*y**{n}, -1, 1)")), ())
     for mean in ((0.0, 0.0), (0.0, 0.1), (0.5, 0.3)):
         for spread in (0.0, 1e-14, 1e-6):
             F, gain = function(mean, [spread**2, 0, spread**2], [])
-            wanted = mean[0] * mean[1] ** 2, mean[1] ** 2, 2 * mean[0] * mean[1]
+            wanted = mean[0] * mean[1] ** n, mean[1] ** n, n * mean[0] * mean[1] ** (n - 1)
             assert np.array([float(F), *np.array(gain).ravel()]) == pytest.approx(wanted, abs=1e-8)

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 FEWEST = 16  # points that a slice takes at the least
 WHOLE = Cell()
+DISTANCE = sp.Symbol("distance from an end", positive=True)  # so that what depends on its sign is decided
 SAME = 1e-12  # relative difference of points that are one
 INSIDE = 0.37  # how far within a cell it is looked at
 INNER_ERROR = 1e-9
@@ -42,12 +43,17 @@ class Slice:
     """A stretch of the outer argument, and on it the expectation over the others, of f and of its derivative.
 
     Steep places of `part` are those of the crossings, then its own; these may depend on the other arguments. Where an end is
-    singular, the outer argument stands in `inner` and `slope` for the distance from that end, which is exact however small.
+    singular, `inner` and `slope` are functions of the distance from that end, which is exact however small.
     """
 
     part: Integral
     inner: DescribingFunction
     slope: DescribingFunction
+
+    @property
+    def symbol(self) -> sp.Symbol:
+        """What the outer argument is called in `inner` and `slope`, or its distance from a singular end."""
+        return self.part.argument if self.part.singular_end is None else DISTANCE
 
 
 @dataclass(frozen=True)
@@ -198,12 +204,12 @@ def _over(
     rest = tuple(arguments[i] for i in others)
 
     def inner(expr: sp.Expr, cell: Cell = WHOLE, place: tuple[sp.Expr, int] | None = None) -> DescribingFunction:
-        at = _inside(cell, wish)
-        if place is not None:  # in the distance from it
+        symbol, at = z, _inside(cell, wish)
+        if place is not None:
             end, side = place
             at = abs(evaluate(end, wish.sample) - at) if end.free_symbols <= wish.sample.keys() else INSIDE
-            expr = about_end(expr, z, end, side, z)
-        return describe(rest, expr, where, replace(wish, sample={z: at, **wish.sample}, error=INNER_ERROR))
+            symbol, expr = DISTANCE, about_end(expr, z, end, side, DISTANCE)
+        return describe(rest, expr, where, replace(wish, sample={symbol: at, **wish.sample}, error=INNER_ERROR))
 
     splitter = Splitter(z, where)
     own = body.replace(lambda e: isinstance(e, Lookup) and e.has(z), lambda e: e.as_piecewise())

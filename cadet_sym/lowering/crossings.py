@@ -8,6 +8,7 @@ from functools import reduce
 from itertools import groupby
 
 import casadi as ca
+import numpy as np
 import sympy as sp
 
 from cadet_sym.expectation.crossings import Crossing
@@ -18,6 +19,7 @@ from cadet_sym.lowering.gaussian import Gaussian
 SPREADS = (-4.0, -2.0, 0.0, 2.0, 4.0)
 NARROW = 1e-2  # standard deviations: a smoothed kink that is wider need not be met to more digits than nodes need
 LOOKED_AT, BISECTIONS, NEWTONS = 65, 14, 4  # points at which a line is looked at for where it passes a curve; steps to there
+BESIDE = 1e-9  # of a stretch: how near to its ends it is looked at, for at them there may be a pole
 NOWHERE = 1e3  # standard deviations: beyond the widest that nodes take notice of
 PARALLEL = 1e-100  # a kink of the others that does not move with the outer argument is crossed nowhere
 
@@ -101,9 +103,15 @@ class MeanLine:
         return _frozen(u, ca.if_else(real > 0, size / longer, longer / ca.fabs(2 * A)))
 
     def _passes(self, place: sp.Expr, a: int, first: ca.SX, last: ca.SX, count: int) -> Iterator[Place]:
-        """The same for any curve: the first changes of sign of its distance from the line on a stretch."""
-        outer, step = self.outer, (last - first) / (LOOKED_AT - 1)
-        slope = sp.diff(place, self.symbol)
+        """The same for any curve: the first changes of sign of its distance from the line on a stretch.
+
+        It is looked at more closely near the ends, where it may go to infinity.
+        """
+        outer, slope = self.outer, sp.diff(place, self.symbol)
+
+        def point(k: ca.SX | int) -> ca.SX:
+            share = ca.sin(np.pi / 2 / (LOOKED_AT - 1) * k) ** 2
+            return first + (last - first) * ca.fmin(ca.fmax(share, BESIDE), 1 - BESIDE)
 
         def distance(u: ca.SX) -> tuple[ca.SX, Lowering]:
             there = Lowering({**outer.env, self.symbol: outer.m + outer.s * u})
@@ -112,14 +120,14 @@ class MeanLine:
         def is_above(u: ca.SX) -> ca.SX:
             return distance(u)[0] >= 0
 
-        sides = [is_above(first + step * k) for k in range(LOOKED_AT)]
+        sides = [is_above(point(k)) for k in range(LOOKED_AT)]
         passed, at = ca.SX(0), [ca.SX(-1)] * count
         for k in range(LOOKED_AT - 1):
             changes = sides[k] != sides[k + 1]
             at = [ca.if_else(ca.logic_and(changes, passed == branch), k, found) for branch, found in enumerate(at)]
             passed += changes
         for found in at:
-            low, high = first + step * found, first + step * (found + 1)
+            low, high = point(found), point(found + 1)
             side, begin, end = is_above(low), low, high
             for _ in range(BISECTIONS):
                 middle = (low + high) / 2

@@ -73,7 +73,7 @@ class _Conditioning:
                     gains[i] += inner[a]
         for step in nested.steps:
             phi, u = outer.density(step.position)
-            value, _, _ = self._sums(step.inner, step.inner, 1, outer.value(step.position), -u, ca.SX(1))
+            value, _, _ = self._sums(step.inner, step.inner, self.symbol, 1, outer.value(step.position), -u, ca.SX(1))
             gains[nested.outer] += phi / outer.s * value
         return (F, gains) if self.least is None else self._or_expanded(self.least, F, gains)
 
@@ -90,7 +90,7 @@ class _Conditioning:
             end = piece.part.singular_end
             point = m if end is None else upper - m if end[1] > 0 else m - lower
             point = ca.if_else(inside, point, self._somewhere(piece))
-            free, (means, _, _, parameters) = self._shared(piece.inner)
+            free, (means, _, _, parameters) = self._shared(piece.symbol, piece.inner)
             function = expanded(piece.inner, free, turned(piece))
             total += ca.if_else(inside, function(point, p, across, means, ca.vertcat(*covariances), parameters), 0)
         found = ca.if_else(p < least, total, ca.vertcat(F, *(gains[i] for i in (o, *nested.others))))
@@ -126,7 +126,7 @@ class _Conditioning:
         for nodes in lay_out(part, low, high, steep, CasadiAlgebra()):
             nodes = replace(nodes, weight=ca.if_else(high > low, nodes.weight, 0))
             points, weight = frame.placed(piece, nodes)
-            yield self._sums(piece.inner, piece.slope, turned(piece), points, nodes.u, weight)
+            yield self._sums(piece.inner, piece.slope, piece.symbol, turned(piece), points, nodes.u, weight)
 
     def _somewhere(self, piece: Slice) -> ca.SX:
         """A point well within a slice, or its distance from the singular end."""
@@ -138,30 +138,31 @@ class _Conditioning:
         return self.outer.value((lower + upper) / 2)
 
     def _on_panel(self, piece: Slice, panel: Panel, frame: Frame, there: ca.SX) -> Sums:
-        free, shared = self._shared(piece.inner, piece.slope)
+        free, shared = self._shared(piece.symbol, piece.inner, piece.slope)
         known = ca.vertcat(*(getattr(frame, each.name) for each in fields(frame)))
         there = ca.logic_and(there, panel.length > 0)
         return _parted(sums_on(piece, panel, free)(there, ca.vertcat(*panel.numbers), known, *shared))
 
     def _sums(
-        self, df: DescribingFunction, slope: DescribingFunction, turned: int, z: ca.SX, u: ca.SX, weight: ca.SX
+        self, df: DescribingFunction, slope: DescribingFunction, symbol: sp.Symbol, turned: int, *nodes: ca.SX
     ) -> Sums:
-        """Sums over nodes given one by one."""
-        free, shared = self._shared(df, slope)
+        """Sums over nodes given one by one: what the symbol is at them, u, weights."""
+        free, shared = self._shared(symbol, df, slope)
+        z, u, weight = nodes
         count = ca.SX(z).numel()
         together = at_once(count)
-        nodes = sums_at(df, slope, free, together, turned)
+        sums = sums_at(df, slope, free, together, turned)
         columns = [ca.reshape(ca.SX(x), together, count // together) for x in (z, u, weight + ca.SX.zeros(count))]
         if self.nested.written_out or count == together:
-            return _parted(sum((nodes(*(x[:, k] for x in columns), *shared) for k in range(count // together)), start=ca.SX(0)))
-        return _parted(called(nodes, count // together)(*columns, *shared))
+            return _parted(sum((sums(*(x[:, k] for x in columns), *shared) for k in range(count // together)), start=ca.SX(0)))
+        return _parted(called(sums, count // together)(*columns, *shared))
 
-    def _shared(self, *functions: DescribingFunction) -> tuple[tuple[sp.Symbol, ...], list[ca.SX]]:
+    def _shared(self, z: sp.Symbol, *functions: DescribingFunction) -> tuple[tuple[sp.Symbol, ...], list[ca.SX]]:
         """The outer argument and the parameters of some functions; means, lean, covariances of the others, the parameters."""
-        symbols = {s for df in functions for s in df.body.free_symbols} - {self.symbol, *self.rest}
+        symbols = {s for df in functions for s in df.body.free_symbols} - {z, *self.rest}
         free = tuple(sorted(symbols, key=str))
         parameters = ca.vertcat(*map(self.outer.value, free))
-        return (self.symbol, *free), [self.means, ca.vertcat(*self.line.lean), self.covariances, parameters]
+        return (z, *free), [self.means, ca.vertcat(*self.line.lean), self.covariances, parameters]
 
 
 def _parted(totals: ca.SX) -> Sums:
