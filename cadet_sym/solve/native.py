@@ -6,7 +6,7 @@ Moments that stay as they are at the start are left out (see `lowering.held`).
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from itertools import pairwise
@@ -44,6 +44,7 @@ __all__ = [
 
 Array = npt.NDArray[np.float64]
 Places = npt.NDArray[np.intp]
+Then = Callable[[slice | Places, Array], None]
 
 FEW, MANY, LONG = 4, 8, 128
 """Lanes of short vectors and of those that are as long as this (see `runge_kutta`)."""
@@ -87,6 +88,10 @@ class Native:
         return settled(run.y[0], int(run.status[0]), int(run.known[0]), float(run.time[0]), run.here[0])
 
 
+def _nothing(which: slice | Places, y: Array) -> None:
+    """There is no more to be done with runs."""
+
+
 def march_all(
     lowered: MomentFunctions,
     p: Array,
@@ -95,6 +100,7 @@ def march_all(
     grid: Array,
     tolerance: Tolerance,
     team: Team = ALONE,
+    then: Then = _nothing,
 ) -> Marched:
     """Carry runs that differ in their parameters (runs, count) from y (runs, size) through the times of the grid.
 
@@ -104,18 +110,23 @@ def march_all(
     ----------
     edges : of every run, the times at which its stretches begin, and the end of the last.
     tolerance : with sizes (size,) or (runs, size).
+    then : is called for every part of the runs, with which they are and their moments, by the thread that has these at hand.
     """
     rests = _rest(lowered, p, y)
     if rests.any() and not rests.all():
         groups = [np.flatnonzero(rests), np.flatnonzero(~rests)]
-        parts = [march_all(lowered, p[k], y[k], [edges[i] for i in k.tolist()], grid, tolerance.of(k), team) for k in groups]
+        parts = []
+        for k in groups:
+            own = p[k], y[k], [edges[i] for i in k.tolist()], grid, tolerance.of(k)
+            parts.append(march_all(lowered, *own, team, lambda which, found, k=k: then(k[which], found)))
         order = np.argsort(np.concatenate(groups))
         return Marched(*(np.concatenate(pair)[order] for pair in zip(*parts, strict=True)))
-    return march_made(_made(lowered, bool(rests[0])), p, y, edges, grid, tolerance, team)
+    return march_made(_made(lowered, bool(rests[0])), p, y, edges, grid, tolerance, team, then)
 
 
 def march_made(
-    made: Made, p: Array, y: Array, edges: Sequence[tuple[float, ...]], grid: Array, tolerance: Tolerance, team: Team = ALONE
+    made: Made, p: Array, y: Array, edges: Sequence[tuple[float, ...]], grid: Array, tolerance: Tolerance, team: Team = ALONE,
+    then: Then = _nothing,
 ) -> Marched:
     """The same under a rate that was made ready."""
     assert made.rate, "chosen only where there is machine code"
@@ -133,6 +144,7 @@ def march_made(
             tolerance.relative, tolerance.absolute, address(travel), tolerance.steps, *made.tables, address(work),
             address(found[part]), address(reports[part]),
         )  # fmt: skip
+        then(part, found[part])
 
     team.share(runs, some)
     time, steps, _, _, known, status = reports.T

@@ -7,7 +7,6 @@ depends on whether there is machine code, and it is made only for who runs again
 from __future__ import annotations
 
 import ctypes
-import itertools
 from functools import cache
 from typing import Any
 
@@ -19,7 +18,6 @@ from cadet_sym.lowering.machine import address, available
 from cadet_sym.packing import Packing
 from cadet_sym.solve.definite import LIMIT, MANY, TINY
 from cadet_sym.solve.scales import FEW_TIMES, MANY_TIMES
-from cadet_sym.solve.shares import ALONE, Team
 
 __all__ = ["are_sound", "look_over"]
 
@@ -28,10 +26,13 @@ Array = npt.NDArray[np.float64]
 LANES = 8
 """Rows that are looked over at once."""
 
+NAN = float("nan")
+
 PAYS = 16
 """Runs after which the machine code is worth reading from the cache, or making for all processes to come."""
 
-_runs = itertools.count()
+_looked = [0]
+"""How many runs were to be looked over."""
 
 
 def look_over(
@@ -47,7 +48,7 @@ def look_over(
     least : added to a covariance's diagonal, as a share of its trace.
     above, below : by how much a mean or variance may exceed its size; and a size a variance.
     block : (LANES moments,) for so many rows side by side.
-    lanes : (LANES (2 n + 3),).
+    lanes : (LANES (2 n + 2),).
 
     Returns
     -------
@@ -55,58 +56,42 @@ def look_over(
     """
     moments = n + n * (n + 1) // 2
     column = part(lanes, LANES * n)
-    trace = part(column, LANES * n)
-    inverse = part(trace, LANES)
-    wrong = part(inverse, LANES)  # how often something was
+    shift = part(column, LANES * n)
+    inverse = part(shift, LANES)
     for k in range(LANES * n):
         lanes[k] = 0.0  # the largest of the variances
-    for k in range(LANES):
-        wrong[k] = 0.0
-    for begin in range((rows + LANES - 1) // LANES):
-        for four in range(LANES // 4):
-            at = LANES * begin + 4 * four
-            a = part(y, min(at, rows - 1) * size)  # the last again where there are no more
-            b = part(y, min(at + 1, rows - 1) * size)
-            c = part(y, min(at + 2, rows - 1) * size)
-            d = part(y, min(at + 3, rows - 1) * size)
-            side = part(block, 4 * four)
-            for e in range(moments):
-                side[LANES * e] = a[e]
-                side[LANES * e + 1] = b[e]
-                side[LANES * e + 2] = c[e]
-                side[LANES * e + 3] = d[e]
-        for k in range(LANES):
-            trace[k] = 0.0
-        for j in range(n):
-            means = part(block, LANES * j)
-            high = above * sizes[j]
+    many = rows >= LANES
+    for begin in range((rows + LANES - 1) // LANES if many else rows):
+        first = min(LANES * begin, rows - LANES) if many else begin
+        seen = part(y, first * size)
+        step = size if many else 0
+        for e in range(moments):
+            entries = part(block, LANES * e)
             for k in range(LANES):
-                wrong[k] += 0.0 if abs(means[k]) <= high else 1.0  # or no number
+                entries[k] = seen[step * k + e]
+        for k in range(LANES):
+            shift[k] = 0.0
         at = n
         for j in range(n):  # the triangle stands column by column
-            diagonal = part(block, LANES * at)
+            means = part(block, LANES * j)
+            variances = part(block, LANES * at)
             largest = part(lanes, LANES * j)
-            high = above * sizes[at]
+            for k in range(LANES):  # what is wrong makes no number of all that follows
+                shift[k] += 0.0 if abs(means[k]) <= above * sizes[j] else NAN
+                shift[k] += variances[k] if abs(variances[k]) <= above * sizes[at] else NAN
             for k in range(LANES):
-                wrong[k] += 0.0 if abs(diagonal[k]) <= high else 1.0
-            for k in range(LANES):
-                largest[k] = max(largest[k], abs(diagonal[k]))
-            for k in range(LANES):
-                trace[k] += diagonal[k]
+                largest[k] = max(largest[k], abs(variances[k]))
             at += n - j
-        at = n
-        for j in range(n):
-            diagonal = part(block, LANES * at)
-            for k in range(LANES):
-                diagonal[k] += least * max(trace[k], 0.0) + TINY
-            at += n - j
+        for k in range(LANES):
+            shift[k] = least * max(shift[k], 0.0) + TINY
+        pivots = shift
         at = n
         for j in range(n):  # P = L D L^T
             pivots = part(block, LANES * at)
             for k in range(LANES):
-                wrong[k] += 0.0 if pivots[k] > 0.0 else 1.0
+                pivots[k] += shift[k]
             for k in range(LANES):
-                inverse[k] = 1.0 / pivots[k] if pivots[k] > 0.0 else 0.0
+                inverse[k] = 1.0 / pivots[k] if pivots[k] > 0.0 else NAN
             for k in range(LANES * (n - j)):
                 column[k] = pivots[k]
             at += n - j
@@ -120,7 +105,7 @@ def look_over(
                         entry[k] -= lower[k] * inverse[k] * upper[k]
                 entries = part(entries, LANES * (n - j - m))
         for k in range(LANES):
-            if wrong[k] > 0.0:
+            if not pivots[k] > 0.0:
                 return 0
     at = n
     for j in range(n):
@@ -145,21 +130,17 @@ def look_over_all(
     return 0
 
 
-def are_sound(y: Array, packing: Packing, size: Array, team: Team = ALONE) -> npt.NDArray[np.bool_]:
+def are_sound(y: Array, packing: Packing, size: Array) -> npt.NDArray[np.bool_]:
     """Which packed moments (runs, k, size), of sizes (size,) or (runs, size), are sound; False where that is not known."""
     (runs, rows, count), n = y.shape, packing.n
-    if n > MANY or max(runs, next(_runs)) < PAYS or not available():
+    _looked[0] += runs
+    if n > MANY or _looked[0] < PAYS or not available():
         return np.zeros(runs, dtype=bool)
     y, size, verdicts = np.ascontiguousarray(y), np.ascontiguousarray(size), np.empty(runs)
     least = 0.5 * LIMIT  # so that no other way to round would find otherwise
-
-    def some(part: slice) -> None:
-        block, lanes = np.empty(LANES * packing.moments), np.empty(LANES * (2 * n + 3))
-        sizes = size[part] if size.ndim > 1 else size
-        given = part.stop - part.start, rows, count, n, address(sizes), count * (size.ndim - 1), least, FEW_TIMES, MANY_TIMES
-        _look_over_all()(address(y[part]), *given, address(block), address(lanes), address(verdicts[part]))
-
-    team.share(runs, some)
+    block, lanes = np.empty(LANES * packing.moments), np.empty(LANES * (2 * n + 2))
+    given = runs, rows, count, n, address(size), count * (size.ndim - 1), least, FEW_TIMES, MANY_TIMES
+    _look_over_all()(address(y), *given, address(block), address(lanes), address(verdicts))
     return np.asarray(verdicts == 1.0)
 
 

@@ -35,6 +35,7 @@ from cadet_sym.warning import warn
 __all__ = ["ENGINES", "check_times", "engine_for", "integrate", "integrate_all"]
 
 Array = npt.NDArray[np.float64]
+Places = npt.NDArray[np.intp]
 
 DIFFERENT = 1e-5
 """Of a moment's size: what a doubtful run may differ by from one at a hundredth of the tolerance."""
@@ -165,9 +166,14 @@ def _together(
     if any(plan.size is not size for plan in plans):
         size = np.array([plan.size for plan in plans])
     tolerance = _tolerance(rtol, size, packing, "native", plans[0].care)
-    runs = march_all(lowered, starts.p, starts.y, courses, grid, tolerance, team)
+    sound = np.zeros(len(starts), dtype=bool)
+
+    def look(which: slice | Places, y: Array) -> None:
+        sound[which] = are_sound(y, packing, size[which] if size.ndim > 1 else size)
+
+    runs = march_all(lowered, starts.p, starts.y, courses, grid, tolerance, team, look)
     done = runs.status == 0
-    return runs.y, np.where(done, runs.steps, np.nan), done & are_sound(runs.y, packing, size, team)
+    return runs.y, np.where(done, runs.steps, np.nan), done & sound
 
 
 def _judged(lowered: MomentFunctions, start: Start, grid: Array, plan: _Plan, rtol: float, run: March | None) -> March:
