@@ -294,12 +294,11 @@ def show(
 
     with computing():
         listing = Listing(measured(cs.moment_equations(cs.linearise(cs.augment(_load(model, settings))))), checked=check)
-        content = listing.to_dict() if as_json else None
-        text = listing.latex() if latex else "\n".join(listing.lines())
-    if content is not None:
-        print_json(content)
+        content = listing.to_dict() if as_json else listing.latex() if latex else "\n".join(listing.lines())
+    if isinstance(content, str):
+        print(content)
     else:
-        print(text)
+        print_json(content)
 
 
 @app.command()

@@ -131,9 +131,10 @@ class Listing:
         quasi_linear = self.equations.quasi_linear
         parts = [self.system._repr_latex_(), quasi_linear._repr_latex_() if self.elements else ""]
         for j, element in enumerate(self.elements):
-            expectation, _ = written_out(element.describing)
-            if expectation is not None:
-                parts.append(rf"$$F_{{{j + 1}}} = \mathrm{{E}}[f_{{{j + 1}}}] = {sp.latex(expectation)}$$")
+            formula = element.describing.formula()
+            if formula is not None:
+                expectation = sp.latex(formula.xreplace(_short(element.describing)))
+                parts.append(rf"$$F_{{{j + 1}}} = \mathrm{{E}}[f_{{{j + 1}}}] = {expectation}$$")
         parts.append(self.equations._repr_latex_())
         return "\n".join(part for part in parts if part)
 
@@ -144,10 +145,15 @@ def written_out(describing: DescribingFunction) -> tuple[sp.Expr | None, tuple[s
     if formula is None:
         return None, ()
     gains = tuple(tidy(sp.diff(formula, mean)) for mean in describing.means)
-    if len(describing.means) > 1:
-        return formula, gains
-    short = dict(zip((*describing.means, *describing.covariances), sp.symbols("m p", real=True), strict=True))
+    short = _short(describing)
     return formula.xreplace(short), tuple(gain.xreplace(short) for gain in gains)
+
+
+def _short(describing: DescribingFunction) -> dict[sp.Symbol, sp.Symbol]:
+    """Shorter names of the mean and the variance where there is one of each."""
+    if len(describing.means) > 1:
+        return {}
+    return dict(zip((*describing.means, *describing.covariances), sp.symbols("m p", real=True), strict=True))
 
 
 def _marks(describing: DescribingFunction) -> list[str]:
