@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 from dataclasses import replace
+from functools import cache
 from itertools import product
 
 import casadi as ca
@@ -77,11 +78,16 @@ CASES = {
 }
 
 
-def found(expr: sp.Expr, mean, stds, rho: float) -> np.ndarray:
+@cache
+def function_of(expr: sp.Expr) -> ca.Function:
     df = describing_function((X, Y), expr, name="f")
     assert all(isinstance(part, Product) for part in df.products)
     assert df.error == 0
-    F, gain = element_function(df, (A,))(mean, covariance(stds, rho), 1.7)
+    return element_function(df, (A,))
+
+
+def found(expr: sp.Expr, mean, stds, rho: float) -> np.ndarray:
+    F, gain = function_of(expr)(mean, covariance(stds, rho), 1.7)
     return np.array([float(F), *np.array(gain).ravel()])
 
 

@@ -50,8 +50,9 @@ def function_of(text: str) -> ca.Function:
     return element_function(df, ())
 
 
-def with_jacobian(function: ca.Function) -> ca.Function:
-    v = ca.SX.sym("v", 5)
+@cache
+def with_jacobian(text: str) -> ca.Function:
+    function, v = function_of(text), ca.SX.sym("v", 5)
     out = ca.vertcat(*function(v[:2], v[2:], []))
     return ca.Function("both", [v], [out, ca.jacobian(out, v)])
 
@@ -86,7 +87,7 @@ def test_it_is_the_integral(text):
 
 @pytest.mark.parametrize("text", half(TEXTS))
 def test_gains_are_slopes_and_derivatives_those_of_the_gains(text):
-    both = with_jacobian(function_of(text))
+    both = with_jacobian(text)
     for mean, stds, rho in MOMENTS[:4]:
         v = np.array([*mean, *covariance(stds, rho)])
         units = np.array([*stds, stds[0] ** 2, stds[0] * stds[1], stds[1] ** 2])
@@ -111,7 +112,7 @@ def test_the_scale_of_both_arguments_is_a_factor(text):
 
 @pytest.mark.parametrize("text", half(TEXTS))
 def test_without_variance_it_is_the_function_and_derivatives_are_finite(text):
-    both = with_jacobian(function_of(text))
+    both = with_jacobian(text)
     x, y, h = 0.7, -0.2, 1e-4
 
     def f(x: float, y: float) -> float:

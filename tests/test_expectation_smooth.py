@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
+from functools import cache
 
 import casadi as ca
 import numpy as np
@@ -43,6 +44,7 @@ points = 3
 """
 
 
+@cache
 def describe(text: str):
     return describing_function((X, Y), parse(text), name="f")
 
