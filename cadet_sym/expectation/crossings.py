@@ -131,10 +131,11 @@ def _curve(position: sp.Expr, z: sp.Symbol) -> sp.Expr | None:
     return curve if curve.is_polynomial(z, y) and sp.total_degree(curve, z, y) == 2 else None
 
 
-def ruled(part: Integral, crossings: tuple[Crossing, ...], *, sums: bool, plain: bool) -> Integral:
+def ruled(part: Integral, crossings: tuple[Crossing, ...], *, sums: bool, plain: bool, waves: bool) -> Integral:
     """The stretch with its rule and a place kept for every crossing, whose centre and width follow from the moments.
 
-    `sums` is whether the expectation over the other arguments is a sum over nodes itself.
+    `sums` is whether the expectation over the other arguments is a sum over nodes itself, `waves` whether f oscillates in them:
+    the less they vary on their own, the more of that is left.
     """
     roots = [crossing.root and not plain for crossing in crossings]
     kinds = [(crossing.width is None and not root, root) for crossing, root in zip(crossings, roots, strict=True)]
@@ -153,4 +154,4 @@ def ruled(part: Integral, crossings: tuple[Crossing, ...], *, sums: bool, plain:
         many = any(crossing.place is not None for crossing in crossings)
         at_ends = AT_ENDS_OF_SUMS if sums else AT_ENDS_OF_PLACES if many else AT_ENDS
         rule = (at_ends if any(part.singular) else WITH_CURVES) if on_curves else with_steps
-    return replace(part, rule=rule)
+    return replace(part, rule=rule.finer() if waves and not plain else rule)
