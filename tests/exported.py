@@ -32,12 +32,17 @@ def build(folder: Path, into: Path, files: Sequence[Path], *options: str, by: st
     return into
 
 
+def shared(folder: Path, into: Path, *options: str, by: str = "gcc") -> Path:
+    """The library of an export folder, to which programs may be linked; not optimised: most time goes into compiling."""
+    return build(folder, into, sources(folder), *options, "-shared", "-fPIC", by=by)
+
+
 class Exported:
     """The shared library of an export folder, double precision."""
 
     def __init__(self, folder: Path, prefix: str, into: Path):
         self.prefix = prefix
-        self.path = build(folder, into / f"{prefix}.so", sources(folder), "-O1", "-shared", "-fPIC")
+        self.path = shared(folder, into / f"{prefix}.so")
         self.library = ctypes.CDLL(str(self.path))
 
     def call(self, name: str, *arguments: object, result: int | None = None) -> np.ndarray:

@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from conftest import ROOT, SHIPPED
-from exported import Exported, build, compiler, sources
+from exported import Exported, build, compiler, shared, sources
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -51,8 +51,8 @@ def program(exported, tmp_path_factory):
 
     @cache
     def make(name: str) -> Path:
-        _, folder = exported(name)
-        return build(folder, tmp_path_factory.mktemp("bin") / name, [*sources(folder), folder / "main.c"], "-O1")
+        c, folder = exported(name)
+        return build(folder, tmp_path_factory.mktemp("bin") / name, [folder / "main.c", c.path])
 
     return make
 
@@ -177,7 +177,7 @@ def test_a_direction_that_drifts_is_refused_in_a_sentence(tmp_path):
     compiled = cs.compile(loads(text.replace('h_2 = { setback = "0.5 + L", track = "main" }', "")))
     assert compiled.stationary(speed=5.0).drifting
     folder = compiled.export_c(tmp_path / "c", prefix="two")
-    made = build(folder, tmp_path / "two", [*sources(folder), folder / "main.c"], "-O1")
+    made = build(folder, tmp_path / "two", [*sources(folder), folder / "main.c"])
     run = subprocess.run([made, "--stationary", "5"], capture_output=True, text=True, timeout=60)
     assert run.returncode == 1
     assert not run.stdout
@@ -296,8 +296,8 @@ def test_breakpoints_follow_the_parameters(brake):
 
 
 def test_a_short_pulse_is_not_stepped_over(brake, tmp_path):
-    compiled, folder, _ = brake
-    made = build(folder, tmp_path / "brake", [*sources(folder), folder / "main.c"], "-O1")
+    compiled, folder, c = brake
+    made = build(folder, tmp_path / "brake", [folder / "main.c", c.path])
     history = compiled.propagate(rtol=1e-10)
     for method in ([], ["--stiff"]):
         found = table(made, *method)
@@ -332,10 +332,11 @@ EVERY = [
 def test_the_library_is_clean_and_passes_its_own_test(name, by, exported, tmp_path):
     compiler(by)
     _, folder = exported(name)
-    made = build(folder, tmp_path / "test", [*sources(folder), folder / "test.c"], *SANITISE, by=by)
+    library = shared(folder, tmp_path / "library.so", *SANITISE, by=by)
+    made = build(folder, tmp_path / "test", [folder / "test.c", library], *SANITISE, by=by)
     run = subprocess.run([made], capture_output=True, text=True, timeout=300)
     assert run.returncode == 0, run.stdout + run.stderr
-    main = build(folder, tmp_path / "main", [*sources(folder), folder / "main.c"], *SANITISE, by=by)
+    main = build(folder, tmp_path / "main", [folder / "main.c", library], *SANITISE, by=by)
     runs = (["--stationary", "20", "--at", "0"], ["--fixed", "3000"], ["--points", "3", "--stiff"]) if name in QUICK else ()
     for arguments in runs:
         run = subprocess.run([main, *arguments], capture_output=True, text=True, timeout=300)

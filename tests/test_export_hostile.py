@@ -9,7 +9,7 @@ import subprocess
 import numpy as np
 import pytest
 from conftest import half
-from exported import build, sources
+from exported import build, shared, sources
 
 import cadet_sym as cs
 from cadet_sym.errors import ExportError
@@ -200,8 +200,9 @@ points = 3
 def test_it_compiles_and_agrees(name, tmp_path):
     compiled = cs.compile(loads(MODELS[name]))
     folder = compiled.export_c(tmp_path / "c", prefix="hostile")
+    library = shared(folder, tmp_path / "library.so")
     for program in ("test", "main"):
-        build(folder, tmp_path / program, [*sources(folder), folder / f"{program}.c"], "-O1")
+        build(folder, tmp_path / program, [folder / f"{program}.c", library])
     check = subprocess.run([tmp_path / "test"], capture_output=True, text=True, timeout=60)
     assert check.returncode == 0, check.stdout
     run = subprocess.run([tmp_path / "main", "--rtol", "1e-9"], capture_output=True, text=True, timeout=60)
@@ -221,7 +222,7 @@ def test_it_compiles_and_agrees(name, tmp_path):
 
 def test_stationary_moments_are_found_where_nothing_is_damped_at_first(tmp_path):
     folder = cs.compile(loads(MODELS["tiny"])).export_c(tmp_path / "c", prefix="hostile")
-    made = build(folder, tmp_path / "main", [*sources(folder), folder / "main.c"], "-O1")
+    made = build(folder, tmp_path / "main", [*sources(folder), folder / "main.c"])
     run = subprocess.run([made, "--stationary", "0"], capture_output=True, text=True, timeout=60)
     # x' = -x^3 + w: 6 P^2 = Q
     assert float(run.stdout.splitlines()[1].split(",")[2]) == pytest.approx(6**-0.5, rel=1e-12)

@@ -108,7 +108,7 @@ def car(tmp_path_factory):
     folder = compiled.export_c(tmp_path_factory.mktemp("car") / "c", prefix="car")
     program = tmp_path_factory.mktemp("car") / "check.c"
     program.write_text(PROGRAM)
-    return compiled, build(folder, program.with_suffix(""), [*sources(folder), program], "-O1")
+    return compiled, build(folder, program.with_suffix(""), [*sources(folder), program])
 
 
 def run(program, start: float, change: float, stiff: int, rtol: float) -> tuple[int, np.ndarray]:
