@@ -39,6 +39,7 @@ from cadet_sym.solve.shares import Team
 ROOT = Path(__file__).resolve().parent.parent
 FIGURE_3 = ROOT / "models" / "oleo_acceleration.toml"
 RTOL = 1e-6
+MOMENTS = ("state_mean", "state_covariance", "output_mean", "output_variance")
 
 Run = Callable[[], np.ndarray]  # gives the covariances (k, n, n)
 
@@ -162,34 +163,40 @@ def growth(console: Console, kinds: tuple[str, ...], sizes: tuple[int, ...] = (3
         console.print(f"{kind}, ms at n = {milliseconds}; grows as n^{exponent:.2f}")
 
 
-def sweep_on_two_cores(console: Console, points: int = 200, repeat: int = 7) -> None:
-    """Wall milliseconds of a sweep of the quarter car, in one thread and in two, in turn: the least of several.
+def sweep_on_two_cores(console: Console, points: int = 200, pairs: int = 15) -> None:
+    """Wall milliseconds of a sweep of the quarter car, in one thread and in two: the least, and the median of pairs.
 
+    Pairs stand close together and take turns in which comes first: a machine that is slower for some seconds is so for both.
     Beside them the same of the integrator's machine code alone: two cores that share a processor's units give no two.
     """
-    model, seconds, found = cs.load(ROOT / "models" / "quarter_car_linear.toml"), {}, {}
-    declared, alone = model.parameter_values()["c_s"], integrator_alone(cs.compile(model), points)
+    model, found = cs.load(ROOT / "models" / "quarter_car_linear.toml"), {}
+    declared = model.parameter_values()["c_s"]
+
+    def swept(workers: int, k: int) -> None:
+        values = {"c_s": np.linspace(0.5, 2.0, points) * declared * (1 + 1e-9 * k)}  # of its own: what was found is known
+        found[workers] = cs.sweep(model, values, workers=workers, progress=False, points=501)
+
     began = time.perf_counter()
-    for k in range(repeat + 1):  # values of its own each time: what was found for others is known
-        values = {"c_s": np.linspace(0.5, 2.0, points) * declared * (1 + 1e-9 * k)}
-        for workers in (1, 2):
-            began = began if k == 0 and workers == 1 else time.perf_counter()
-            found[workers] = cs.sweep(model, values, workers=workers, progress=False, points=501)
-            taken = time.perf_counter() - began
-            if k == 0 and workers == 1:
-                console.print(f"sweep of {points} points, compiled with it: {1e3 * taken:.0f} ms")
-            elif k:
-                seconds.setdefault(("sweep", workers), []).append(taken)
-        for workers in (1, 2):
-            began = time.perf_counter()
-            alone(workers)
-            seconds.setdefault(("machine code alone", workers), []).append(time.perf_counter() - began)
-    pairs = zip(found[1].histories, found[2].histories, strict=True)
-    same = all(np.array_equal(a.state_covariance, b.state_covariance) for a, b in pairs if a and b)
-    for what in ("sweep", "machine code alone"):
-        one, two = (np.array(seconds[what, workers]) for workers in (1, 2))
-        both = f"{1e3 * one.min():.0f} ms in one thread, {1e3 * two.min():.0f} ms in two: {one.min() / two.min():.2f} times"
-        console.print(f"  {what}: {both}, median of pairs {np.median(one[-repeat:] / two[-repeat:]):.2f}")
+    swept(1, 0)
+    console.print(f"sweep of {points} points, compiled with it: {1e3 * (time.perf_counter() - began):.0f} ms")
+    alone = integrator_alone(cs.compile(model), points)
+    tasks = {"sweep": swept, "machine code alone": lambda workers, _: alone(workers)}
+    seconds = {what: np.empty((pairs + 1, 2)) for what in tasks}
+    for k in range(pairs + 1):
+        for what, task in tasks.items():
+            for workers in (1, 2) if k % 2 else (2, 1):
+                began = time.perf_counter()
+                task(workers, k + 1)
+                seconds[what][k, workers - 1] = time.perf_counter() - began
+    for what, taken in seconds.items():
+        one, two = 1e3 * taken[1:].min(axis=0)
+        low, middle, high = np.percentile(taken[1:, 0] / taken[1:, 1], (25, 50, 75))
+        both = f"{one:.0f} ms in one thread, {two:.0f} ms in two: {one / two:.2f} times"
+        console.print(f"  {what}: {both}, median of {pairs} pairs {middle:.2f} (quartiles {low:.2f}, {high:.2f})")
+    same = all(
+        a is not None and b is not None and all(np.array_equal(getattr(a, each), getattr(b, each)) for each in MOMENTS)
+        for a, b in zip(found[1].histories, found[2].histories, strict=True)
+    )
     console.print(f"  {'the same' if same else 'OTHER'} numbers")
 
 
