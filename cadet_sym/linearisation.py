@@ -8,7 +8,7 @@ one), equal ones shared between equations. See Harrison & Hammond (1986), sectio
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -35,6 +35,11 @@ class Nonlinearity:
     name: str
     forms: tuple[LinearForm, ...]
     describing: DescribingFunction
+
+    def of(self, states: Sequence[sp.Symbol]) -> sp.Expr:
+        """f as a function of the states."""
+        forms = (form.of(states) for form in self.forms)
+        return self.describing.body.xreplace(dict(zip(self.describing.arguments, forms, strict=True)))
 
 
 @dataclass(frozen=True)

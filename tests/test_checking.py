@@ -11,7 +11,7 @@ from conftest import ROOT
 from reference_models import toml
 
 import cadet_sym as cs
-from cadet_sym.errors import ExpectationWarning, ModelError, SolverError
+from cadet_sym.errors import ExpectationWarning, LinearisationError, ModelError, SolverError
 from cadet_sym.expectation import describing_function
 from cadet_sym.lowering.check import check_at
 
@@ -160,3 +160,16 @@ def test_what_cannot_begin_names_its_nonlinearity_and_when():
     with pytest.raises(SolverError, match=r"at t = 0: .*`exp\(g\*x\*\*2\)` .* variance 3: ") as failed:
         compiled.propagate(parameters={"a": 0.0, "c": 0.1, "start": 3.0})
     assert failed.value.details["time"] == 0
+
+
+def test_what_is_no_real_number_somewhere_is_refused_and_where():
+    text = TANGLED.replace("clip(x*v**2, -1, 1)", "sqrt(1 + x**2 + 0.3*x*v)")
+    with pytest.raises(LinearisationError, match=r"no real number everywhere, for example where `x` is \S+ and `v` is"):
+        cs.compile(toml(text))
+
+
+def test_tails_in_which_nothing_of_a_function_is_left_are_no_errors():
+    x, y = sp.symbols("x y", real=True)
+    df = describing_function((x, y), sp.Max(0, x - 1) * sp.Max(0, y - 1))
+    for mean in (-0.5, -3.0):  # 15 and 40 deviations from where the function begins
+        assert check_at(df, [(np.full(2, mean), 0.01 * np.array([[1.0, 0.3], [0.3, 1.0]]), {})], 1_000_000).error < 1e-10

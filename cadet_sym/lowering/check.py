@@ -34,7 +34,7 @@ WAYS = 40  # in which f is looked at around a point
 SINGULAR = 1e-10  # variance along an axis, of standardised arguments, over the largest: it is taken to be none
 MOST_AXES = 2  # on which functions of more than three arguments are looked at
 NOTHING = 1e-100  # in any unit: of what is left of a function many deviations from all of it, an error is none
-BEYOND, HARDLY = 8.0, 1e-6  # deviations at which |f| is looked at, and the part of it that an error is relative to at least
+BEYOND = ((8.0, 1e-6), (40.0, 1e-20))  # deviations at which |f| is looked at, and the least part of it that counts
 
 
 @dataclass(frozen=True, repr=False)
@@ -281,9 +281,10 @@ class Truth:
         arguments = tuple(df.arguments[k] for k in order)
         found = integrate(arguments, df.body, numbers, mean[order], L, tolerance=tolerance, most=most)
         back = np.linalg.inv(L).T[np.argsort(order)]
-        ways = BEYOND * L[np.argsort(order)]
-        far = np.abs([_value(df, numbers, mean + ways @ e) for e in product((-1, 0, 1), repeat=len(mean))])  # hardly ever met
-        size = max(found.size, HARDLY * np.max(far, where=np.isfinite(far), initial=0.0), NOTHING)
+        ways = np.array(list(product((-1, 0, 1), repeat=len(mean)))) @ L[np.argsort(order)].T
+        far = [np.abs(_value(df, numbers, mean + times * ways)) for times, _ in BEYOND]  # hardly ever met
+        least = [part * np.max(f, where=np.isfinite(f), initial=0.0) for f, (_, part) in zip(far, BEYOND, strict=True)]
+        size = max(found.size, *least, NOTHING)
         units = np.array([size, *(size / np.sqrt(np.diag(covariance)))])
         errors = found.error * np.array([1.0, *np.linalg.norm(back, axis=1)])
         return Truth(np.array([found.value, *(back @ found.moments)]), units, errors / units, found.evaluations)

@@ -22,7 +22,7 @@ from cadet_sym.expectation.nested import Nested
 from cadet_sym.expectation.reduced import Reduced
 from cadet_sym.language.expression import DISTANCE, SPEED, TIME, symbol
 from cadet_sym.language.numeric import evaluate
-from cadet_sym.linearisation import Nonlinearity
+from cadet_sym.linearisation import Nonlinearity, shown
 from cadet_sym.lowering.check import Truth
 from cadet_sym.lowering.elements import element_function, parameters_of
 from cadet_sym.lowering.survey import with_elements
@@ -49,7 +49,7 @@ REFUSED = 0.1  # of three arguments, at deviations of their own size: an approxi
 
 def measured(equations: MomentEquations) -> MomentEquations:
     """The same equations with the errors of such integrals as they are; a warning names what is not accurate."""
-    numbers = numbers_at_start(equations)
+    numbers, states = numbers_at_start(equations), equations.quasi_linear.system.states
 
     def with_error(element: Nonlinearity, where: str) -> Nonlinearity:
         df = element.describing
@@ -58,17 +58,20 @@ def measured(equations: MomentEquations) -> MomentEquations:
         if not better:
             return element
         found = [(errors, len(core.arguments)) for core, (_, errors) in better.items()]
+        of_what = f"`{shown(element.of(states))}`"
         error = max(max(errors.values()) for errors, _ in found)
+        if not np.isfinite(error):
+            _refuse_gaps(element, states, numbers, scale, f"{where} has no Gaussian expectation: {of_what}")
         if any(_within(errors, scale) > REFUSED and count == max(GRID) for errors, count in found):
             raise LinearisationError(
-                f"{where}: no accurate expectation of `{df.body}` was found ({error:.0e} is left): split it, as a sum of "
+                f"{where}: no accurate expectation of {of_what} was found ({error:.0e} is left): split it, as a sum of "
                 "products of functions of one or two linear forms each, or give a part of it a state of its own (a fast "
                 "first-order filter)"
             )
         if error > WARNED:
             widest, as_far = max(max(errors) for errors, _ in found), _as_far([errors for errors, _ in found])
             text = (
-                f"{where}: the expectation of `{df.body}` and its gains are accurate to {error:.0e} only, at standard "
+                f"{where}: the expectation of {of_what} and its gains are accurate to {error:.0e} only, at standard "
                 f"deviations of its arguments up to {widest:g}{as_far}: it switches or oscillates across several; write it "
                 "as a sum of products of functions of one linear form each, or see with cs.check where it is worst"
             )
@@ -76,6 +79,23 @@ def measured(equations: MomentEquations) -> MomentEquations:
         return replace(element, describing=_exchanged(df, {core: new for core, (new, _) in better.items()}))
 
     return with_elements(equations, with_error)
+
+
+def _refuse_gaps(
+    element: Nonlinearity, states: Sequence[sp.Symbol], numbers: Mapping[sp.Symbol, float], scale: float, what: str
+) -> None:
+    """No function that is no number, or a complex one, in a part of its arguments' range."""
+    df = element.describing
+    points = WIDEST * scale * np.random.default_rng(0).normal(size=(SAMPLES, len(df.arguments)))
+    values = evaluate(df.body, {**numbers, **dict(zip(df.arguments, points.T, strict=True))})
+    if (gaps := np.isnan(values)).any():
+        nearest = points[gaps][np.argmin(np.linalg.norm(points[gaps], axis=1))]
+        at = zip(element.forms, nearest, strict=True)
+        place = " and ".join(f"`{shown(form.of(states))}` is {z:.3g}" for form, z in at)
+        raise LinearisationError(
+            f"{what} is no real number everywhere, for example where {place}; keep "
+            "what is in its roots, logarithms and powers from becoming negative (max, clip)"
+        )
 
 
 def _measurable(df: DescribingFunction) -> Iterator[DescribingFunction]:

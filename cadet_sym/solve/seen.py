@@ -72,13 +72,11 @@ def tell_lost(at: Instant, where: str) -> str:
     for of, element in at.lost():
         if of in (where, f"variance of {where}"):
             states, (mean, covariance) = at.equations.quasi_linear.system.states, at.seen_by(element)
-            forms = [form.of(states) for form in element.forms]
-            body = element.describing.body.xreplace(dict(zip(element.describing.arguments, forms, strict=True)))
-            of_what = ", ".join(f"`{shown(form)}`" for form in forms)
-            several = "" if len(forms) == 1 else "s"
+            of_what = ", ".join(f"`{shown(form.of(states))}`" for form in element.forms)
+            several = "" if len(mean) == 1 else "s"
             seen = f"mean{several} {_listed(mean)} and variance{several} {_listed(np.diag(covariance))}"
             return (
-                f"The expectation of `{shown(body)}` or its gain is no number where {of_what} has the {seen}: "
+                f"The expectation of `{shown(element.of(states))}` or its gain is no number where {of_what} has the {seen}: "
                 "it may exist at smaller variances only (limit what grows with `clip`)"
             )
     return ""
