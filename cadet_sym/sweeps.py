@@ -189,6 +189,8 @@ def sweep(
     """
     if workers is not None and workers < 1:
         raise ModelError(f"`workers` is {workers}; it must be at least 1.")
+    if isinstance(model, CompiledModel):
+        raise ModelError("A sweep compiles its model in every process it uses: hand over the model, `compiled.model`.")
     model = model if isinstance(model, Model) else load(model)
     names, points, axes = _points(values, kind)
     task = _Task(model, names, run)

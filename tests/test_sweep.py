@@ -183,6 +183,11 @@ def test_nodes_taken_side_by_side_give_each_run_its_own_numbers():
             np.testing.assert_array_equal(runs[k].state_covariance, alone.state_covariance)
 
 
+def test_a_compiled_model_is_not_what_is_swept(shipped):
+    with pytest.raises(ModelError, match="hand over the model, `compiled.model`"):
+        cs.sweep(shipped("duffing"), {"zeta": [0.1]})
+
+
 def test_there_is_at_least_one_worker():
     with pytest.raises(ModelError, match="`workers` is 0"):
         sweep(toml(MODEL), {"k": [2.0]}, workers=0)
