@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import reduce
 from math import comb
 
 import casadi as ca
 import sympy as sp
 
 from cadet_sym.expectation.closed_form import PLAIN_TERM, Kink, PiecewiseForm, Segment, Term, normal
-from cadet_sym.expectation.panels import REACH, lay_out, legendre
+from cadet_sym.expectation.panels import REACH, legendre
 from cadet_sym.expectation.quadrature import Integral
-from cadet_sym.expectation.steep import about_end, without_cancellation
 from cadet_sym.expectation.tables import Table
 from cadet_sym.expectation.univariate import Apart, Bounded, Univariate
-from cadet_sym.lowering.algebra import CasadiAlgebra
 from cadet_sym.lowering.complex import Complex, complex_exp, converted, select
 from cadet_sym.lowering.errorfunction import error_function_moment
 from cadet_sym.lowering.expressions import Lowering
+from cadet_sym.lowering.panels import Panels
 from cadet_sym.lowering.power import power_moment
 from cadet_sym.lowering.special import clipped, density, density_sum, hermite, magnitude, mills_moments, positive_part
 from cadet_sym.lowering.tables import NARROW, NARROW_ORDER, table_moment
@@ -28,9 +26,7 @@ from cadet_sym.lowering.tables import NARROW, NARROW_ORDER, table_moment
 # Added to the variance inside: far below what the variance of any state is resolved to, so that F and the gain are those
 # of the variance itself, and so large that s^-6 is finite: derivatives at a jump go as powers of 1/s.
 FLOOR = 1e-100
-NEAREST = 1e-14  # of a standard deviation, and of a place, that nodes keep from it
 LARGEST = 600.0  # of an exponent
-NEAR = 1e-11  # of the square of the scale on which f changes: a variance in which f is expanded
 
 
 @dataclass
@@ -52,7 +48,7 @@ class Gaussian:
         self.columns: dict[Table, tuple[ca.SX, ca.SX, ca.SX, list[ca.SX]]] = {}
         self.curves: dict[tuple[Table, int], ca.SX] = {}
         self.powers: dict[tuple[sp.Expr | bool | int, ...], ca.SX] = {}
-        self.panels: dict[Integral, _Panels] = {}
+        self.panels: dict[Integral, Panels] = {}
         self.moved: dict[sp.Expr, Gaussian] = {}  # by the rate of an exponential
         self.tails: dict[tuple[sp.Expr, ...], tuple[ca.SX, list[Complex]]] = {}
 
@@ -209,6 +205,10 @@ class Gaussian:
 
     # -- quadrature -----------------------------------------------------------------------------------------------
 
+    def of_variance(self, p: ca.SX) -> Gaussian:
+        """The same with another variance."""
+        return Gaussian(self.m, p, self.env)
+
     def within(self, position: sp.Expr) -> ca.SX:
         """A point in standard deviations from the mean, kept within reach."""
         return ca.fmin(ca.fmax((self.value(position) - self.m) / self.s, -REACH), REACH)
@@ -217,7 +217,7 @@ class Gaussian:
         if part.rate != 0:
             return self._moved(part, order)
         if part not in self.panels:
-            self.panels[part] = _Panels(self, part)
+            self.panels[part] = Panels(self, part)
         return self.panels[part].total(order)
 
     def _moved(self, part: Integral, order: int) -> ca.SX:
@@ -228,121 +228,6 @@ class Gaussian:
         there = self.moved[part.rate]
         total = sum((comb(order, j) * a ** (order - j) * there._integral(plain, j) for j in range(order + 1)), start=ca.SX(0))
         return total * ca.exp(a * self.m + a * a * (self.p / 2))
-
-
-class _Panels:
-    """A piece laid out once; its nodes and what is evaluated there are shared by the value and the derivatives.
-
-    A piece with a singular end is taken in the distance from it, x = |z - k|, so that x^q is exact. Nodes go by a standard
-    deviation, and so the derivative of their sum in the variance is lost to rounding where there is nearly none: there it is
-    f + p f''/2.
-    """
-
-    def __init__(self, gaussian: Gaussian, part: Integral):
-        self.part, self.p = part, gaussian.p
-        square = square_of_scale(gaussian, [part])
-        self.least = ca.SX(0) if square is None else NEAR * square
-        g = self.gaussian = Gaussian(gaussian.m, ca.if_else(self.p >= self.least, self.p, self.least), gaussian.env)
-        self.low = ca.SX(-REACH) if part.lower.is_infinite else g.within(part.lower)
-        self.high = ca.SX(REACH) if part.upper.is_infinite else ca.fmax(self.low, g.within(part.upper))
-        steep = [((g.value(p.centre) - g.m) / g.s, g.value(p.width) / g.s) for p in part.steep]
-        self.nodes = lay_out(part, self.low, self.high, steep, CasadiAlgebra())
-        self.side = part.singular[1] - part.singular[0]
-        if self.side:
-            end = part.upper if self.side > 0 else part.lower
-            self.symbol = sp.Dummy("x", positive=True)
-            self.value = about_end(part.value, part.argument, end, self.side, self.symbol)
-            self.gap = beyond_reach(g, end, self.side)
-            beyond = self.side * (g.value(end) - g.m)
-            near = [(n.distance, beyond - self.side * g.s * n.u) for n in self.nodes if n.distance is not None]
-            points = [ca.if_else(self.gap > 0, far, g.s * distance) for distance, far in near]
-        else:
-            self.symbol, self.value = part.argument, part.value
-            points = [self._inside(part, g.m + g.s * n.u) for n in self.nodes]
-        self.somewhere = points[0][0] if points else g.m  # no nodes: for the numbers at hand there is nothing of it
-        self.lowerings = [Lowering({**g.env, self.symbol: z}, split_powers=True) for z in points]
-
-    def _inside(self, part: Integral, points: ca.SX) -> ca.SX:
-        """The points, none on an end at which a root of the function may be, that of several places being the last or first."""
-        g = self.gaussian
-        for end, side in ((part.lower, 1), (part.upper, -1)):
-            if isinstance(end, sp.Max | sp.Min):
-                bound = g.value(end)
-                nearest = bound + side * NEAREST * (g.s + ca.fabs(bound))
-                points = ca.fmax(points, nearest) if side > 0 else ca.fmin(points, nearest)
-        return points
-
-    def total(self, order: int) -> ca.SX:
-        """E of the piece, or of its derivative."""
-        expr = sp.diff(self.value, self.symbol, order) if order else self.value
-        if self.side and order:
-            value = sum((self._slope(i) for i in range(len(self.nodes))), start=ca.SX(0))
-        else:
-            value = sum((self._sum(i, expr) for i in range(len(self.nodes))), start=ca.SX(0))
-        value = ca.if_else(self.high > self.low, value, 0)
-        if self.least.is_zero():
-            return value
-        turned = (-self.side) ** order if self.side else 1  # the derivative of the distance in the mean
-        return ca.if_else(self.p < self.least, turned * self._expanded(expr), value)
-
-    def _expanded(self, expr: sp.Expr) -> ca.SX:
-        """E of an expression without kinks within reach, to first order in the variance."""
-        g, x = self.gaussian, ca.SX.sym("x")
-        part = self.part
-        lower = ca.SX(-math.inf) if part.lower.is_infinite else g.value(part.lower)
-        upper = ca.SX(math.inf) if part.upper.is_infinite else g.value(part.upper)
-        inside = ca.logic_and(self.p < self.least, ca.logic_and(g.m > lower, g.m < upper))
-        mean = g.m if not self.side else upper - g.m if self.side > 0 else g.m - lower
-        f = Lowering({**g.env, self.symbol: x}, split_powers=True).convert(expr)
-        value = f + self.p / 2 * ca.jacobian(ca.jacobian(f, x), x)
-        return ca.if_else(inside, ca.substitute(value, x, ca.if_else(inside, mean, self.somewhere)), 0)
-
-    def _sum(self, i: int, expr: sp.Expr, factor: ca.SX | float = 1.0) -> ca.SX:
-        weight = self.nodes[i].weight * factor
-        values = ca.SX(self.lowerings[i].convert(expr))
-        return ca.dot(weight, values if values.shape == weight.shape else ca.repmat(values, *weight.shape))
-
-    def _slope(self, i: int) -> ca.SX:
-        """The derivative; where the singular end is within reach by parts, for f' may be infinite there."""
-        g, nodes = self.gaussian, self.nodes[i]
-        slope = without_cancellation(-self.side * sp.diff(self.value, self.symbol), self.symbol)
-        plain = self._sum(i, slope)
-        if nodes.length is None:
-            return plain
-        origin = self.value.subs(self.symbol, 0).replace(_is_zero_power, lambda _: sp.S.Zero)
-        change = self.value - origin if origin.is_finite else self.value
-        last = Lowering({**g.env, self.symbol: g.s * nodes.length}).convert(change)
-        end = self.high if self.side > 0 else self.low
-        boundary = last * density(end - self.side * nodes.length)
-        parts = (self._sum(i, change, nodes.u) - self.side * boundary) / g.s
-        return ca.if_else(self.gap > 0, plain, parts)
-
-
-def _is_zero_power(expr: sp.Basic) -> bool:
-    """0**q, q a parameter: zero for any q that leaves f finite there, and without a logarithm of 0 in its derivative in q."""
-    return isinstance(expr, sp.Pow) and expr.base == 0
-
-
-def square_of_scale(gaussian: Gaussian, parts: Iterable[Integral]) -> ca.SX | None:
-    """The square of the least length over which f changes around the mean, or the distance to a kink if that is less."""
-    squares = []
-    for part in parts:
-        for place in part.steep:
-            width, distance = gaussian.value(place.width), gaussian.m - gaussian.value(place.centre)
-            squares.append(ca.if_else(width > 0, width, distance) ** 2)
-        squares += [(gaussian.m - gaussian.value(end)) ** 2 for end in (part.lower, part.upper) if not end.is_infinite]
-        for wave in part.value.atoms(sp.sin, sp.cos):
-            slope = sp.diff(wave.args[0], part.argument)
-            if slope.free_symbols - gaussian.env.keys():
-                return None
-            squares.append(1 / (gaussian.value(slope) ** 2 + FLOOR))
-    return reduce(ca.fmin, squares) if squares else None
-
-
-def beyond_reach(gaussian: Gaussian, end: sp.Expr, side: int) -> ca.SX:
-    """How far an end is beyond reach; zero if it is within; `side` is 1 for an upper end, -1 for a lower one."""
-    beyond = side * (gaussian.value(end) - gaussian.m) / gaussian.s - REACH
-    return ca.if_else(beyond > 0, beyond, 0)
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,9 @@ from cadet_sym.expectation.panels import REACH, Panel, lay_out, panels
 from cadet_sym.lowering.algebra import CasadiAlgebra
 from cadet_sym.lowering.bivariate import one_minus_square
 from cadet_sym.lowering.crossings import MeanLine
-from cadet_sym.lowering.gaussian import Gaussian, beyond_reach, square_of_scale
+from cadet_sym.lowering.gaussian import Gaussian
 from cadet_sym.lowering.nodes import Frame, at_once, called, expanded, sums_at, sums_on, turned
+from cadet_sym.lowering.panels import beyond_reach, square_of_scale
 
 if TYPE_CHECKING:
     from cadet_sym.lowering.joint import Joint
