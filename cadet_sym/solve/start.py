@@ -10,18 +10,22 @@ import numpy.typing as npt
 
 from cadet_sym.errors import ModelError
 from cadet_sym.lowering.functions import MomentFunctions
-from cadet_sym.solve.evaluate import results, results_over, results_shared
+from cadet_sym.memory import Memory
+from cadet_sym.solve.evaluate import depends_on, results, results_over, results_shared
 from cadet_sym.warning import warn
 
 __all__ = ["initial_moments", "profile_mean"]
 
 Array = npt.NDArray[np.float64]
+Places = npt.NDArray[np.intp]
 
 UNEVEN = 1e-9
 """Relative difference of the ground's equations under two wheels that is more than rounding."""
 
 DECAY = 40.0
 """Decay lengths of the slowest mode that are looked back on: exp(-40) is below rounding."""
+
+_which: Memory[Places] = Memory()
 
 
 def initial_moments(functions: MomentFunctions, p: Array) -> Array:
@@ -41,18 +45,27 @@ def initial_moments(functions: MomentFunctions, p: Array) -> Array:
         _refuse_drifting_ground(functions, p)
         if facts.delay is not None:
             _warn_of_uneven_start(functions, p)
-    (y,) = results_over(functions.initial, p)
+    distinct = p[:1] if _start_alike(functions, p) else p
+    (y,) = results_over(functions.initial, distinct)
     if _has_profile(functions):
-        y[:, : facts.packing.n] += [profile_mean(functions, each) for each in p]
+        y[:, : facts.packing.n] += [profile_mean(functions, each) for each in distinct]
     _, covariance = facts.packing.unpack(y)
-    lowest = np.linalg.eigvalsh(covariance)[:, 0] if facts.packing.n else np.zeros(len(p))
+    lowest = np.linalg.eigvalsh(covariance)[:, 0] if facts.packing.n else np.zeros(len(y))
     good = lowest >= -1e-9 * np.maximum(np.einsum("kii->k", covariance), 1e-300)
     if not good.all():
         raise ModelError(
             f"[initial]: the covariance at the start is not positive semidefinite (smallest eigenvalue "
             f"{lowest[~good][0]:.3g}); check [initial.covariance]: |cov(a, b)| may not exceed std(a) std(b)."
         )
-    return y
+    return y if len(y) == len(p) else y.repeat(len(p), axis=0)
+
+
+def _start_alike(functions: MomentFunctions, p: Array) -> bool:
+    """Whether runs that differ in their parameters surely start from the same moments."""
+    if len(p) == 1 or _has_profile(functions):
+        return False
+    used = _which(functions, 0, lambda: depends_on(functions.initial.jac_sparsity(0, 0)))
+    return bool((p[:, used] == p[:1, used]).all())
 
 
 def _refuse_drifting_ground(functions: MomentFunctions, p: Array) -> None:
