@@ -264,6 +264,11 @@ def test_a_line_across_both_arguments_is_measured_to_be_right():
     assert measured_error(describing_function((X, Y), parse("x*min(x, 2*y)")), {}) < 1e-9
 
 
+def test_an_exponential_of_what_is_cut_off_is_finite_at_any_spread():
+    """Beside the place where kinks are infinite its parts were, and the error that it was said to have."""
+    assert measured_error(describing_function((X, Y), parse("exp(clip(x*y, -1, 1))")), {}) < 1e-9
+
+
 def test_a_model_names_the_element_that_is_not_accurate():
     names = [symbol(n) for n in ("x", "v")]
     element = cs.Element("tangle", ["a", "b"], parse("clip(a*b**2, -1, 1)"))

@@ -53,7 +53,6 @@ MENDED = {  # each was wrong without a word, no number, or refused
     2: [
         "clip(x, -1, 0.5)*sqrt(abs(y - 0.5))", "sign(x)*(c + exp(-x**2)/2)*max(y, 0)", "max(x - 2*y + 0.3, 0)**1.5*y",
         "tanh(y)*sign(x - 0.5)", "clip(x*y, -1, 1)*x", "max(x**2 + y**2 - 1, 0)", "exp(x + y)", "cos(x + y/2 - c)*x",
-        "exp(clip(x*y, -1, 1))",
     ],
 }  # fmt: skip
 DEVIATIONS = {1: (1e-6, 1e-3, 0.1, 0.5, 1.0, 3.0, 10.0), 2: (1e-3, 0.1, 0.5, 1.0, 3.0)}

@@ -35,7 +35,7 @@ SAME = 1e-12  # relative difference of points that are one
 INSIDE = 0.37  # how far within a cell it is looked at
 INNER_ERROR = 1e-9
 MAX_NODES = 80_000
-SINGULAR_EFFORT, WAVES_EFFORT, ROOT_EFFORT = 3, 2, 8
+SINGULAR_EFFORT, WAVES_EFFORT, ROOT_EFFORT = 3, 4, 8
 
 
 @dataclass(frozen=True)
