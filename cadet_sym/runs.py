@@ -23,7 +23,7 @@ from cadet_sym.results import MomentHistory, PeriodicMoments, Provenance
 from cadet_sym.solve.breakpoints import breakpoints_of
 from cadet_sym.solve.freeze import context_at
 from cadet_sym.solve.many import Start, Starts, Trajectories, Trajectory
-from cadet_sym.solve.outputs import Outputs, outputs_over
+from cadet_sym.solve.outputs import Outputs, outputs_of
 from cadet_sym.solve.senseless import refuse_senseless
 from cadet_sym.solve.shares import Team
 from cadet_sym.solve.start import initial_moments
@@ -141,9 +141,9 @@ def run_all(
     functions, names, end = made.functions, Names.of(made), float(grid[-1])
     starts = starts_of(made, p, end)
     declared = declared_start(made, end) if alike else None
-    team = Team(min(workers, len(p)) - 1)
-    found = integrate_all(functions, starts, grid, rtol=rtol, engine=engine, declared=declared, team=team)
-    outputs = outputs_over(functions, grid, found.y, p, team)
+    outputs, write = outputs_of(functions, grid, p)
+    more = {"rtol": rtol, "engine": engine, "declared": declared, "team": Team(min(workers, len(p)) - 1), "then": write}
+    found = integrate_all(functions, starts, grid, **more)
     _tell_lost(functions, found, p, outputs)
     if functions.facts.delay is not None:
         found = _with_wheel_errors(functions, found, p, end)
@@ -208,7 +208,8 @@ def run_cycle(made: Compiled, p: Array, period: float, points: int) -> PeriodicM
 
 def _named(made: Compiled, run: Trajectory, p: Array, derivatives: Derivatives | None) -> MomentHistory:
     """One run that was integrated, with its outputs."""
-    outputs = outputs_over(made.functions, run.time, run.y[None], p[None])
+    outputs, write = outputs_of(made.functions, run.time, p[None])
+    write(slice(0, 1), run.y[None])
     return Runs(Names.of(made), p[None], Trajectories.of(run), outputs, derivatives)[0]
 
 

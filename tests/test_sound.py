@@ -16,9 +16,8 @@ from cadet_sym.memory import Memory
 from cadet_sym.packing import Packing
 from cadet_sym.solve import sound
 from cadet_sym.solve.definite import LIMIT, lost
-from cadet_sym.solve.outputs import outputs_over
+from cadet_sym.solve.outputs import outputs_of
 from cadet_sym.solve.scales import FEW_TIMES, MANY_TIMES, fits
-from cadet_sym.solve.shares import Team
 
 
 @pytest.fixture(autouse=True)
@@ -90,12 +89,18 @@ def test_outputs_that_are_no_numbers_are_noticed_whoever_evaluates_them(pays, sh
     compiled = shipped("quarter_car_linear")
     p = np.tile(compiled.parameter_vector(), (5, 1))
     y, time = np.tile(compiled.initial(), (5, 3, 1)), np.arange(3.0)
-    assert outputs_over(compiled.functions, time, y, p, Team(1)).finite
+    outputs, write = outputs_of(compiled.functions, time, p)
+    write(slice(0, 5), y)
+    assert outputs.finite
     for run in range(5):
         for entry in (0, compiled.packing.diagonal[0]):  # of the mean and of the variance of the stroke
             broken = y.copy()
             broken[run, 2, entry] = np.nan
-            assert not outputs_over(compiled.functions, time, broken, p, Team(1)).finite
+            outputs, write = outputs_of(compiled.functions, time, p)
+            write(np.array([4, 3]), broken[[4, 3]])
+            assert outputs.finite == (run < 3)
+            write(slice(0, 3), broken[:3])
+            assert not outputs.finite
 
 
 def test_many_runs_are_the_first_to_the_last_bit():

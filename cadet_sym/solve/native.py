@@ -6,9 +6,9 @@ Moments that stay as they are at the start are left out (see `lowering.held`).
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 from itertools import pairwise
 from math import nextafter
 from typing import Any, NamedTuple
@@ -24,7 +24,7 @@ from cadet_sym.solve.breakdown import settled
 from cadet_sym.solve.evaluate import results_over
 from cadet_sym.solve.runge_kutta import HEAD, PROCEDURES, REPORT, WORK
 from cadet_sym.solve.scales import Tolerance
-from cadet_sym.solve.shares import ALONE, Team
+from cadet_sym.solve.shares import ALONE, Team, Then, among, nothing
 from cadet_sym.solve.tableaux import DORMAND_PRINCE, RANOCHA_3, RANOCHA_5, Pair
 
 __all__ = [
@@ -44,7 +44,6 @@ __all__ = [
 
 Array = npt.NDArray[np.float64]
 Places = npt.NDArray[np.intp]
-Then = Callable[[slice | Places, Array], None]
 
 FEW, MANY, LONG = 4, 8, 128
 """Lanes of short vectors and of those that are as long as this (see `runge_kutta`)."""
@@ -88,10 +87,6 @@ class Native:
         return settled(run.y[0], int(run.status[0]), int(run.known[0]), float(run.time[0]), run.here[0])
 
 
-def _nothing(which: slice | Places, y: Array) -> None:
-    """There is no more to be done with runs."""
-
-
 def march_all(
     lowered: MomentFunctions,
     p: Array,
@@ -100,7 +95,7 @@ def march_all(
     grid: Array,
     tolerance: Tolerance,
     team: Team = ALONE,
-    then: Then = _nothing,
+    then: Then = nothing,
 ) -> Marched:
     """Carry runs that differ in their parameters (runs, count) from y (runs, size) through the times of the grid.
 
@@ -110,7 +105,7 @@ def march_all(
     ----------
     edges : of every run, the times at which its stretches begin, and the end of the last.
     tolerance : with sizes (size,) or (runs, size).
-    then : is called for every part of the runs, with which they are and their moments, by the thread that has these at hand.
+    then : is called for every part of the runs by the thread that carried it.
     """
     rests = _rest(lowered, p, y)
     if rests.any() and not rests.all():
@@ -118,7 +113,7 @@ def march_all(
         parts = []
         for k in groups:
             own = p[k], y[k], [edges[i] for i in k.tolist()], grid, tolerance.of(k)
-            parts.append(march_all(lowered, *own, team, lambda which, found, k=k: then(k[which], found)))
+            parts.append(march_all(lowered, *own, team, partial(among, k, then)))
         order = np.argsort(np.concatenate(groups))
         return Marched(*(np.concatenate(pair)[order] for pair in zip(*parts, strict=True)))
     return march_made(_made(lowered, bool(rests[0])), p, y, edges, grid, tolerance, team, then)
@@ -126,7 +121,7 @@ def march_all(
 
 def march_made(
     made: Made, p: Array, y: Array, edges: Sequence[tuple[float, ...]], grid: Array, tolerance: Tolerance, team: Team = ALONE,
-    then: Then = _nothing,
+    then: Then = nothing,
 ) -> Marched:
     """The same under a rate that was made ready."""
     assert made.rate, "chosen only where there is machine code"

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import ctypes
+from dataclasses import dataclass
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,42 +14,49 @@ from cadet_sym.lowering.functions import MomentFunctions
 from cadet_sym.lowering.kernel import Function, Vector, isfinite, kernel, part
 from cadet_sym.lowering.machine import address
 from cadet_sym.solve.evaluate import results_shared
-from cadet_sym.solve.shares import ALONE, Team
+from cadet_sym.solve.shares import Then, Which, nothing
 
-__all__ = ["Outputs", "outputs_over"]
+__all__ = ["Outputs", "outputs_of"]
 
 Array = npt.NDArray[np.float64]
 
 
-class Outputs(NamedTuple):
+@dataclass(eq=False)
+class Outputs:
     """The outputs of many runs."""
 
     mean: Array  # (runs, k, m)
     variance: Array  # (runs, k, m)
-    finite: bool  # whether all of them are numbers
+    finite: bool = True  # whether all of them are numbers
 
 
-def outputs_over(lowered: MomentFunctions, time: Array, y: Array, p: Array, team: Team = ALONE) -> Outputs:
-    """The outputs of many runs with parameters (runs, count), from the packed moments (runs, k, size) at all times (k,)."""
-    runs, times, size = y.shape
-    m = len(lowered.facts.outputs)
-    mean, variance = np.empty((runs, times, m)), np.empty((runs, times, m))
-    if not mean.size:
-        return Outputs(mean, variance, finite=True)
-    time, y, p = (np.ascontiguousarray(each, dtype=float) for each in (time, y, p))
-    if (code := lowered.machine_outputs(runs * times)) is not None:
-        outputs, whole = code.addresses["outputs"], _outputs_of_all()
+def outputs_of(lowered: MomentFunctions, time: Array, p: Array) -> tuple[Outputs, Then]:
+    """Room for the outputs of runs with parameters (runs, count) at times (k,), and what writes those of some runs there."""
+    runs, times, m = len(p), len(time), len(lowered.facts.outputs)
+    outputs = Outputs(np.empty((runs, times, m)), np.empty((runs, times, m)))
+    if not outputs.mean.size:
+        return outputs, nothing
+    time, p = (np.ascontiguousarray(each, dtype=float) for each in (time, p))
+    code = lowered.machine_outputs(runs * times)
 
-        def some(part: slice) -> bool:
-            found = address(mean[part]), address(variance[part])
-            count = part.stop - part.start
-            given = address(time), address(y[part]), size, address(p[part]), p.shape[1], m
-            return whole(outputs, count, times, *given, *found) == 0
+    def write(which: Which, y: Array) -> None:
+        if not isinstance(which, slice):
+            for k, own in zip(which.tolist(), y, strict=True):
+                write(slice(k, k + 1), own[None])
+            return
+        mean, variance = outputs.mean[which], outputs.variance[which]
+        if code is not None:
+            y = np.ascontiguousarray(y)
+            given = address(time), address(y), y.shape[2], address(p[which]), p.shape[1], m
+            lost = _outputs_of_all()(code.addresses["outputs"], len(y), times, *given, address(mean), address(variance))
+        else:
+            for k, (own, numbers) in enumerate(zip(y, p[which], strict=True)):
+                mean[k], variance[k] = results_shared(lowered.outputs, times, time, own, numbers)
+            lost = not (np.isfinite(mean).all() and np.isfinite(variance).all())
+        if lost:
+            outputs.finite = False
 
-        return Outputs(mean, variance, all(team.share(runs, some)))
-    for k in range(runs):
-        mean[k], variance[k] = results_shared(lowered.outputs, times, time, y[k], p[k])
-    return Outputs(mean, variance, bool(np.isfinite(mean).all() and np.isfinite(variance).all()))
+    return outputs, write
 
 
 def outputs_of_all(

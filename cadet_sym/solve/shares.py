@@ -13,12 +13,18 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, TypeVar
 
+import numpy as np
+import numpy.typing as npt
+
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-__all__ = ["ALONE", "Team"]
+__all__ = ["ALONE", "Team", "Then", "Which", "among", "nothing"]
 
 T = TypeVar("T")
+Which = slice | npt.NDArray[np.intp]
+Then = Callable[[Which, npt.NDArray[np.float64]], None]
+"""What a thread does with runs while it has them at hand: which they are, and their packed moments (runs, k, size)."""
 
 MOST = 256
 """Threads that are kept for all teams."""
@@ -63,6 +69,15 @@ class Team:
             end = begin + -(-(count - begin) // (2 * self.others + 2)) if self.others else count
             yield slice(begin, end)
             begin = end
+
+
+def nothing(which: Which, y: npt.NDArray[np.float64]) -> None:
+    """There is no more to be done with runs."""
+
+
+def among(places: npt.NDArray[np.intp], then: Then, which: Which, y: npt.NDArray[np.float64]) -> None:
+    """The same with some of the runs that stand at these places."""
+    then(places[which], y)
 
 
 ALONE = Team(0)

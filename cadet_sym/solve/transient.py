@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 from weakref import ref
 
@@ -27,7 +28,7 @@ from cadet_sym.solve.many import Start, Starts, Trajectories, Trajectory
 from cadet_sym.solve.native import march_all, method
 from cadet_sym.solve.rough import ABSOLUTE, outline
 from cadet_sym.solve.scales import STEPS, Tolerance, fits, most_steps, peaks
-from cadet_sym.solve.shares import ALONE, Team
+from cadet_sym.solve.shares import ALONE, Team, Then, Which, among, nothing
 from cadet_sym.solve.sound import are_sound
 from cadet_sym.solve.stiff import MANY_STATES
 from cadet_sym.warning import warn
@@ -35,7 +36,6 @@ from cadet_sym.warning import warn
 __all__ = ["ENGINES", "check_times", "engine_for", "integrate", "integrate_all"]
 
 Array = npt.NDArray[np.float64]
-Places = npt.NDArray[np.intp]
 
 DIFFERENT = 1e-5
 """Of a moment's size: what a doubtful run may differ by from one at a hundredth of the tolerance."""
@@ -82,8 +82,14 @@ def integrate_all(
     engine: str = "auto",
     declared: Callable[[], Start] | None = None,
     team: Team = ALONE,
+    then: Then = nothing,
 ) -> Trajectories:
-    """Integrate many runs, each to the numbers of `integrate`; those of explicit machine code in one call, or one a part."""
+    """Integrate many runs, each to the numbers of `integrate`; those of explicit machine code in one call, or one a part.
+
+    Parameters
+    ----------
+    then : is called with every run, as soon as its moments are known, by the thread that has them at hand.
+    """
     if not 1e-13 <= rtol <= 0.1:
         raise ModelError(f"rtol is {rtol!r}; it must lie between 1e-13 and 0.1.")
     if engine not in ENGINES:
@@ -98,14 +104,18 @@ def integrate_all(
     plans = _plans(lowered, starts, grid, engine, declared)
     ways = {known: edges(known, grid) for known in set(starts.breakpoints)}
     courses = [ways[known] for known in starts.breakpoints]
-    y, steps, sound = _together(lowered, starts, courses, grid, plans, rtol, team)
+    y, steps, sound = _together(lowered, starts, courses, grid, plans, rtol, team, then)
     engines, doubted = [method(lowered)] * len(starts), np.flatnonzero(~sound).tolist()
 
     def known(k: int) -> March | None:
         return None if np.isnan(steps[k]) else March(y[k], engines[k], int(steps[k]), doubtful=False)
 
     def settle(part: slice) -> list[March | SolverError | ArithmeticError]:
-        return [_settled(lowered, starts[k], grid, plans[k], rtol, known(k), y[k]) for k in doubted[part]]
+        runs = []
+        for k in doubted[part]:
+            runs.append(_settled(lowered, starts[k], grid, plans[k], rtol, known(k), y[k]))
+            then(slice(k, k + 1), y[k : k + 1])
+        return runs
 
     failures = {}
     for k, run in zip(doubted, (run for part in team.share(len(doubted), settle) for run in part), strict=True):
@@ -141,6 +151,7 @@ def _together(
     plans: Sequence[_Plan],
     rtol: float,
     team: Team,
+    then: Then,
 ) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
     """Runs in explicit machine code, all in one call, and room for the others.
 
@@ -157,7 +168,8 @@ def _together(
         for group in groups:
             these = [k for k in group if plans[k].kind == "native"]
             own, ways = starts.of(these), [courses[k] for k in these]
-            found = _together(lowered, own, ways, grid, [plans[k] for k in these], rtol, team)
+            further = partial(among, np.array(these, dtype=int), then)
+            found = _together(lowered, own, ways, grid, [plans[k] for k in these], rtol, team, further)
             y[these], steps[these], sound[these] = found
         return y, steps, sound
     if not native:
@@ -168,8 +180,12 @@ def _together(
     tolerance = _tolerance(rtol, size, packing, "native", plans[0].care)
     sound = np.zeros(len(starts), dtype=bool)
 
-    def look(which: slice | Places, y: Array) -> None:
-        sound[which] = are_sound(y, packing, size[which] if size.ndim > 1 else size)
+    def look(which: Which, y: Array) -> None:
+        sound[which] = fine = are_sound(y, packing, size[which] if size.ndim > 1 else size)
+        if fine.all():
+            then(which, y)
+        else:
+            then(np.arange(len(starts))[which][fine], y[fine])
 
     runs = march_all(lowered, starts.p, starts.y, courses, grid, tolerance, team, look)
     done = runs.status == 0
