@@ -65,7 +65,7 @@ def test_it_is_the_integral_of_the_function_at_any_correlation(text, number):
     assert L.T @ gain == pytest.approx(truth.moments, abs=1e-8 * size)  # E[f e], by Stein's lemma
 
 
-@pytest.mark.parametrize("text", WITH_PARAMETERS)
+@pytest.mark.parametrize("text", half(WITH_PARAMETERS))
 def test_derivatives_are_those_of_the_expectations_in_parameters_too(text):
     function, v = element_function(describe(text), (K, C)), ca.SX.sym("v", 7)
     both = ca.vertcat(*function(v[:2], v[2:5], v[5:]))

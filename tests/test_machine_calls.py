@@ -186,7 +186,7 @@ def test_what_is_not_known_is_refused():
         llvm.intermediate(ca.rootfinder("root", "newton", {"x": x, "p": ca.SX.sym("p"), "g": x**2 - 1}), "f")
 
 
-@pytest.mark.parametrize("kind", LIBRARY)
+@pytest.mark.parametrize("kind", half(LIBRARY))
 def test_elements_of_the_library_are_casadis(kind):
     """To the last bit, but for those with sums over nodes, or exponentials taken together."""
     element = named(kind)

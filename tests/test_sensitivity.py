@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy as sp
-from conftest import ROOT
+from conftest import ROOT, half
 from reference_models import toml
 
 import cadet_sym as cs
@@ -283,7 +283,7 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize(("which", "name", "moment", "times"), CASES)
+@pytest.mark.parametrize(("which", "name", "moment", "times"), half(CASES))
 def test_derivatives_are_central_differences(which, name, moment, times):
     compiled = compiled_model(which)
     history = compiled.propagate(times)
