@@ -9,7 +9,7 @@ one), equal ones shared between equations. See Harrison & Hammond (1986), sectio
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -19,6 +19,7 @@ from sympy.core.relational import Relational
 from cadet_sym.augmentation import AugmentedSystem
 from cadet_sym.errors import LinearisationError
 from cadet_sym.expectation import DescribingFunction, describing_function
+from cadet_sym.expectation.accuracy import WARNED
 from cadet_sym.language.element import Element
 from cadet_sym.language.expression import ElementCall, symbol, unparse
 from cadet_sym.language.products import multiplied_out
@@ -163,7 +164,7 @@ class _Parts:
 
 
 class _Splitter:
-    """Splits expressions in the states; remembers the affine forms it has met."""
+    """Splits expressions in the states; remembers the affine forms it has met, and the describing functions made."""
 
     def __init__(
         self, states: tuple[sp.Symbol, ...], elements: Mapping[str, Element], values: Mapping[sp.Symbol, float]
@@ -171,6 +172,7 @@ class _Splitter:
         self.states, self.elements, self.values = states, elements, values
         self.index = {state: i for i, state in enumerate(states)}
         self.known: dict[sp.Basic, LinearForm | None] = {}
+        self.made: dict[tuple[sp.Expr, float], DescribingFunction] = {}
 
     def split(self, expression: sp.Expr) -> _Parts:
         parts = _Parts()
@@ -187,8 +189,12 @@ class _Splitter:
         arguments = local_arguments(len(key.forms))
         try:
             scale = max(form.scale(self.values) for form in key.forms)
-            found = describing_function(arguments, key.body, name=name, values=self.values, scale=scale)
-            return Nonlinearity(name, key.forms, found)
+            found = self.made.get((key.body, scale))  # at another wheel, or in an output
+            if found is None:
+                found = describing_function(arguments, key.body, name=name, values=self.values, scale=scale)
+            if found.error <= WARNED:  # else each is warned of by its own name
+                self.made[key.body, scale] = found
+            return Nonlinearity(name, key.forms, replace(found, name=name))
         except LinearisationError as error:
             for argument in arguments:
                 error.message = error.message.replace(argument.name, readable(argument).name)

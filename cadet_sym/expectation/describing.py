@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import sympy as sp
 
@@ -20,7 +20,7 @@ class DescribingFunction:
     too.
     """
 
-    name: str
+    name: str = field(compare=False)  # those that differ in it alone are made once
     arguments: tuple[sp.Symbol, ...]
     body: sp.Expr
     means: tuple[sp.Symbol, ...]

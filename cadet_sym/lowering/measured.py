@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import casadi as ca
 import numpy as np
@@ -51,10 +52,14 @@ def measured(equations: MomentEquations) -> MomentEquations:
     """The same equations with the errors of such integrals as they are; a warning names what is not accurate."""
     numbers, states = numbers_at_start(equations), equations.quasi_linear.system.states
 
+    @cache
+    def of_its_scale(core: DescribingFunction, scale: float) -> tuple[DescribingFunction, dict[float, float]]:
+        return refined(core, numbers, scale)
+
     def with_error(element: Nonlinearity, where: str) -> Nonlinearity:
         df = element.describing
         scale = max((form.scale(numbers) for form in element.forms), default=1.0)
-        better = {core: refined(core, numbers, scale) for core in _measurable(df)}
+        better = {core: of_its_scale(core, scale) for core in _measurable(df)}
         if not better:
             return element
         found = [(errors, len(core.arguments)) for core, (_, errors) in better.items()]
@@ -111,7 +116,7 @@ def _measurable(df: DescribingFunction) -> Iterator[DescribingFunction]:
 def _exchanged(df: DescribingFunction, better: Mapping[DescribingFunction, DescribingFunction]) -> DescribingFunction:
     """With other functions instead of those that its terms are reduced to, or of itself."""
     if df in better:
-        return better[df]
+        return replace(better[df], name=df.name)
     parts = (replace(p, core=_exchanged(p.core, better)) if isinstance(p, Reduced) else p for p in df.products)
     return replace(df, products=tuple(parts))
 
