@@ -15,10 +15,12 @@ from nested_integrals import truth as integral
 
 from cadet_sym.expectation import describing_function
 from cadet_sym.expectation.adaptive import integrate
+from cadet_sym.expectation.crossings import CURVED_ERROR
 from cadet_sym.expectation.switched import Switched
 from cadet_sym.expectation.switching import with_order
 from cadet_sym.language.expression import parse, symbol
 from cadet_sym.language.numeric import evaluate
+from cadet_sym.lowering.check import check_at
 from cadet_sym.lowering.elements import element_function
 from cadet_sym.lowering.operations import size
 
@@ -179,3 +181,14 @@ def test_a_kink_that_may_be_anywhere_leaves_gains_finite_without_variance(n):
             F, gain = function(mean, [spread**2, 0, spread**2], [])
             wanted = mean[0] * mean[1] ** n, mean[1] ** n, n * mean[0] * mean[1] ** (n - 1)
             assert np.array([float(F), *np.array(gain).ravel()]) == pytest.approx(wanted, abs=1e-8)
+
+
+def test_a_ring_is_met_beyond_its_radius_whatever_that_is():
+    # the rub of a rotor; its nodes were Gauss-Hermite's, without an eye for the ring, and gains were 5e-3 off
+    df = describing_function((X, Y), parse("x*max(1 - c/sqrt(x**2 + y**2), 0)"), values={"c": 0.3})
+    assert df.error == CURVED_ERROR
+    for radius, s, rho in ((0.3, 0.3, 0.9), (0.7, 1.0, 0.0), (0.1, 0.5, -0.8)):
+        case = np.array([0.2, -0.1]), s**2 * np.array([[1.0, rho], [rho, 1.0]]), {C: radius}
+        found = check_at(df, [case], 2_000_000)
+        assert found.sure < 1e-8
+        assert max(found.error, found.gain_error) < 1e-6, (radius, s, rho)

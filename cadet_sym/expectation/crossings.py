@@ -131,7 +131,7 @@ def _curve(position: sp.Expr, z: sp.Symbol) -> sp.Expr | None:
     return curve if curve.is_polynomial(z, y) and sp.total_degree(curve, z, y) == 2 else None
 
 
-def ruled(part: Integral, crossings: tuple[Crossing, ...], *, sums: bool, plain: bool, waves: bool) -> Integral:
+def ruled(part: Integral, crossings: tuple[Crossing, ...], *, sums: bool, plain: bool, lean: bool, waves: bool) -> Integral:
     """The stretch with its rule and a place kept for every crossing, whose centre and width follow from the moments.
 
     `sums` is whether the expectation over the other arguments is a sum over nodes itself, `waves` whether f oscillates in them:
@@ -153,5 +153,5 @@ def ruled(part: Integral, crossings: tuple[Crossing, ...], *, sums: bool, plain:
         with_steps = WITH_STEPS if all(place.step for place in part.steep) else WITH_STEPS_AND_POLES
         many = any(crossing.place is not None for crossing in crossings)
         at_ends = AT_ENDS_OF_SUMS if sums else AT_ENDS_OF_PLACES if many else AT_ENDS
-        rule = (at_ends if any(part.singular) else WITH_CURVES) if on_curves else with_steps
+        rule = (at_ends if any(part.singular) or lean else WITH_CURVES) if on_curves else with_steps
     return replace(part, rule=rule.finer() if waves and not plain else rule)

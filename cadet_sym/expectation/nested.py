@@ -17,7 +17,7 @@ from cadet_sym.expectation.cells import Cell, Partition
 from cadet_sym.expectation.closed_form import normal
 from cadet_sym.expectation.crossings import CURVED_ERROR, LOST_ERROR, Crossing, crossings_of, ruled
 from cadet_sym.expectation.existence import require_expectation
-from cadet_sym.expectation.pieces import TINY, Splitter, affine, factored, has_kinks
+from cadet_sym.expectation.pieces import SAME, TINY, Splitter, affine, factored, has_kinks
 from cadet_sym.expectation.quadrature import PLAIN_ERROR, Integral, Wish, stretches
 from cadet_sym.expectation.steep import Steep, about_end, steep_places
 from cadet_sym.expectation.tables import written_out
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 FEWEST = 16  # points that a slice takes at the least
 WHOLE = Cell()
 DISTANCE = sp.Symbol("distance from an end", positive=True)  # so that what depends on its sign is decided
-SAME = 1e-12  # relative difference of points that are one
 INSIDE = 0.37  # how far within a cell it is looked at
 INNER_ERROR = 1e-9
 MAX_NODES = 80_000
@@ -148,7 +147,7 @@ def nested(arguments: tuple[sp.Symbol, ...], used: tuple[int, ...], body: sp.Exp
             "write it with one linear form of the state in each comparison"
         )
     if best.nodes > MAX_NODES and not wish.plain:
-        return nested(arguments, used, body, where, replace(wish, plain=True))
+        return nested(arguments, used, body, where, replace(wish, lean=True, plain=wish.lean))
     if best.nodes > MAX_NODES:
         raise LinearisationError(
             f"{where}: the expectation of `{body}` takes {best.nodes} evaluations at every call, more than {MAX_NODES}: it is "
@@ -204,14 +203,16 @@ def _over(
     rest = tuple(arguments[i] for i in others)
 
     def inner(expr: sp.Expr, cell: Cell = WHOLE, place: tuple[sp.Expr, int] | None = None) -> DescribingFunction:
-        symbol, at = z, _inside(cell, wish)
+        symbol, at, ends = z, _inside(cell, wish), (cell.lower, cell.upper)
         if place is not None:
             end, side = place
             at = abs(evaluate(end, wish.sample) - at) if end.free_symbols <= wish.sample.keys() else INSIDE
             symbol, expr = DISTANCE, about_end(expr, z, end, side, DISTANCE)
-        return describe(rest, expr, where, replace(wish, sample={symbol: at, **wish.sample}, error=INNER_ERROR))
+            ends = sp.S.Zero, cell.upper - cell.lower
+        sample, outside = {symbol: at, **wish.sample}, {**wish.outside, symbol: ends}
+        return describe(rest, expr, where, replace(wish, sample=sample, error=INNER_ERROR, outside=outside))
 
-    splitter = Splitter(z, where)
+    splitter = Splitter(z, where, wish.outside)
     own = body.replace(lambda e: isinstance(e, Lookup) and e.has(z), lambda e: e.as_piecewise())
     cells = _cells(splitter, own, rest, inner, wish)
     if cells is None:
@@ -223,7 +224,7 @@ def _over(
         whole = [inner(expr, cell) for expr in expressions]
         met.append(whole[0])
         for lower, upper, singular in stretches(cell, value, z, rough=_is_rough(whole[0], z)):
-            steep = () if wish.plain else tuple(steep_places(value, z, Cell.between(lower, upper), singular))
+            steep = () if wish.plain or wish.lean else tuple(steep_places(value, z, Cell.between(lower, upper), singular))
             steep = steep if wish.plain or any(singular) else (*steep, *_waves(value, z, rest))
             part = Integral(lower, upper, value, z, steep, singular)
             near = [inner(expr, cell, part.singular_end) for expr in expressions] if part.singular_end else whole
@@ -232,9 +233,9 @@ def _over(
     crossed, error = crossings_of(met, z, others)
     inside = max((piece.inner.error for piece in slices), default=0.0)
     error = max(error, inside) if inside >= CURVED_ERROR else error
-    crossings = tuple(c for c in crossed if c.width is None or not wish.plain)
+    crossings = tuple(c for c in crossed if c.width is None or not (wish.plain or wish.lean))
     oscillates = any(wave.has(*rest) for wave in body.atoms(sp.sin, sp.cos))
-    kinds = [{"sums": s.inner.nodes > 0, "plain": wish.plain, "waves": oscillates} for s in slices]
+    kinds = [{"sums": s.inner.nodes > 0, "plain": wish.plain, "lean": wish.lean, "waves": oscillates} for s in slices]
     ready = tuple(replace(s, part=ruled(s.part, crossings, **kind)) for s, kind in zip(slices, kinds, strict=True))
     return Nested(outer, others, ready, tuple(steps), crossings, PLAIN_ERROR if wish.plain else error)
 
@@ -276,8 +277,8 @@ def _cells(
     z, cells = splitter.z, []
     for whole, value in _settled(splitter, body, Cell(), rest):
         own = {factor for expr in switching_functions(value, z) for factor in _factors(expr) if not factor.has(*rest)}
-        points = _distinct(_meetings(own | _differences(inner(value), z), z))
-        if len(points) > 1 and not all(point.is_number for point in points):
+        points = _ordered(_meetings(own | _differences(inner(value), z), z))
+        if points is None:
             return None
         for low, high in pairwise([None, *points, None]):
             cell = whole if low is None else whole.above(low)
@@ -318,20 +319,26 @@ def _factors(expr: sp.Expr) -> list[sp.Expr]:
     return [factor for factor, _ in factored(expr)[1]] if expr.is_polynomial(*expr.free_symbols) else [expr]
 
 
-def _distinct(points: set[sp.Expr]) -> list[sp.Expr]:
-    """In order, of numbers that differ by rounding the simplest."""
-    numbers = sorted((p for p in points if p.is_number), key=float)
+def _ordered(points: set[sp.Expr]) -> list[sp.Expr] | None:
+    """From the least to the largest, of those that differ by rounding the simplest; None where the order is not known."""
     found: list[sp.Expr] = []
-    for point in numbers:
+    for point in sorted((p for p in points if p.is_number), key=float):
         if found and abs(float(point) - float(found[-1])) <= SAME * (1 + abs(float(point))):
             found[-1] = min(found[-1], point, key=lambda p: len(str(p)))
         else:
             found.append(point)
-    return [*found, *(p for p in points if not p.is_number)]
+    for point in points - set(found):
+        if point.is_number:
+            continue
+        sides = [(point - other).is_nonnegative if (other - point).is_nonnegative is None else False for other in found]
+        if None in sides:
+            return None
+        found.insert(sum(sides), point)
+    return found
 
 
 def _meetings(differences: set[sp.Expr], z: sp.Symbol) -> set[sp.Expr]:
-    """Where a difference is zero: of any that are straight lines, and of polynomials in numbers."""
+    """Where a difference is zero: of any that are straight lines or parabolas, and of polynomials in numbers."""
     found: set[sp.Expr] = set()
     for difference in differences:
         line = affine(difference, z)
@@ -340,6 +347,10 @@ def _meetings(differences: set[sp.Expr], z: sp.Symbol) -> set[sp.Expr]:
         elif difference.is_polynomial(z) and difference.free_symbols == {z}:
             roots = np.roots([float(c) for c in sp.Poly(difference, z).all_coeffs()])
             found |= {sp.Rational(str(float(root.real))) for root in roots if abs(root.imag) < 1e-12}
+        elif difference.is_polynomial(z) and sp.degree(difference, z) == 2:
+            a, b, c = sp.Poly(difference, z).all_coeffs()
+            root = sp.sqrt(sp.factor(b**2 - 4 * a * c))
+            found |= {(-b - root) / (2 * a), (-b + root) / (2 * a)} if root.is_real else set()
     return found
 
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 
+import numpy as np
 import sympy as sp
 from sympy.core.relational import Relational
 from sympy.logic.boolalg import Boolean, BooleanFalse, BooleanTrue
@@ -16,6 +17,7 @@ from cadet_sym.errors import LinearisationError
 from cadet_sym.expectation.cells import Cell, Partition
 
 MAX_PIECES = 4096
+SAME = 1e-12  # relative difference of points that are one
 TINY = sp.Rational(1, 10**200)  # what stands under the root of two zeros at least, where they may not exist
 
 
@@ -30,12 +32,49 @@ def _sign_of(difference: sp.Expr) -> int | None:
     return None
 
 
+Range = tuple[sp.Expr, sp.Expr]
+"""Between which two bounds a variable is."""
+
+
+def _sign_within(expr: sp.Expr, ranges: Mapping[sp.Symbol, Range]) -> int | None:
+    """Sign of a polynomial in one variable that has no root within that one's range, if that is seen."""
+    free = expr.free_symbols & ranges.keys()
+    if len(free) != 1 or not expr.is_polynomial(*free):
+        return None
+    (z,) = free
+    coefficients = sp.Poly(expr, z).all_coeffs()
+    if all(each.is_number for each in (*coefficients, *ranges[z])):
+        return _sign_between(np.array(coefficients, dtype=float), *map(float, ranges[z]))
+    if len(coefficients) != 3 or not coefficients[0].is_number:
+        return None
+    a, b, _ = coefficients
+    low, high = ranges[z]
+    ends = [end for end in (low, high) if not end.is_infinite]
+    if not ends or any(sp.expand(expr.subs(z, end)) != 0 for end in ends):
+        return None
+    if len(ends) == 2:  # both roots
+        return -int(sp.sign(a))
+    beyond = (low + b / a + low) if high.is_infinite else -(b / a + high + high)  # from the other root
+    return int(sp.sign(a)) if beyond.is_nonnegative else None
+
+
+def _sign_between(coefficients: np.ndarray, low: float, high: float) -> int | None:
+    roots = np.roots(coefficients)
+    own = roots.real[np.abs(roots.imag) < SAME * (1 + np.abs(roots))]
+    near = SAME * (1 + np.abs(own))
+    if ((own > low + near) & (own < high - near)).any():
+        return None
+    inside = (low + high) / 2 if np.isfinite(low) and np.isfinite(high) else low + 1 if np.isfinite(low) else high - 1
+    return int(np.sign(np.polyval(coefficients, inside if np.isfinite(inside) else 0.0)))
+
+
 @dataclass
 class Splitter:
     """Cuts expressions in one variable; one method a kind of expression."""
 
     z: sp.Symbol
     where: str
+    outside: Mapping[sp.Symbol, Range] = field(default_factory=dict)  # of other variables
     solved: dict[tuple[sp.Expr, Cell], list[tuple[Cell, int]]] = field(default_factory=dict)
 
     def terms(self, body: sp.Expr) -> Partition:
@@ -194,6 +233,7 @@ class Splitter:
 
     def _constant_signs(self, expr: sp.Expr, cell: Cell) -> Iterator[tuple[Cell, int]]:
         sign = _sign_of(expr)
+        sign = _sign_within(expr, self.outside) if sign is None else sign
         if sign is not None:
             yield cell, sign
             return
@@ -369,10 +409,11 @@ def _inverted(expr: sp.Expr, z: sp.Symbol) -> sp.Expr | None:
     """For g(w) - c with g increasing: an expression with the same sign, w - g^-1(c)."""
     level, rest = expr.as_independent(z, as_Add=True)
     scale, core = rest.as_independent(z, as_Add=False)
-    value = -level / scale
     if core.is_Pow and core.exp.is_number and not core.exp.is_integer:  # a number, and not negative, where the base is not
-        way = 1 if core.exp > 0 else -1
-        return way * scale * (core.base - sp.Max(value, 0 if way > 0 else TINY) ** (1 / core.exp))
+        if core.exp < 0:  # times base**-exp, which is positive
+            level, scale = scale, level
+        return scale * (core.base - sp.Max(-level / scale, 0) ** (1 / sp.Abs(core.exp))) if scale != 0 else level
+    value = -level / scale
     inverse = _MONOTONE.get(type(core))
     if inverse is None:
         return None

@@ -20,6 +20,8 @@ class Wish:
     error: float = 2e-11
     scale: float = 1.0  # of the arguments: what one unit of the states is of them
     plain: bool = False  # steep places left alone: the inside of an integral over three arguments
+    lean: bool = False  # nodes at kinks alone and fewer along curves: the inside is a sum over many itself
+    outside: Mapping[sp.Symbol, tuple[sp.Expr, sp.Expr]] = field(default_factory=dict)  # bounds of arguments integrated over
 
 
 @dataclass(frozen=True)

@@ -139,7 +139,7 @@ def univariate(body: sp.Expr, z: sp.Symbol, where: str, wish: Wish) -> Univariat
     LinearisationError
         If a piece has no Gaussian expectation, or its bounds cannot be found.
     """
-    splitter = Splitter(z, where)
+    splitter = Splitter(z, where, wish.outside)
     tables, rest = tables_in(body, z)
     known, parts_left, cells = [], [], []
     error_functions: list[ErrorFunction] = []
