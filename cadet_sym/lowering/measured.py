@@ -33,7 +33,7 @@ from cadet_sym.warning import warn
 __all__ = ["measured", "measured_error", "numbers_at_start"]
 
 GRID = {  # standard deviation, correlation
-    2: ((0.1, 0.5), (1.0, -0.9), (1.0, 0.5), (1.0, 0.995), (10.0, 0.4), (10.0, -0.9)),
+    2: ((0.1, 0.5), (1.0, -0.9), (1.0, 0.5), (1.0, 0.995), (10.0, 0.4), (10.0, -0.9), (10.0, -0.9999)),
     3: ((0.1, 0.3), (1.0, -0.8), (10.0, 0.5)),
 }
 WIDEST = 10.0
