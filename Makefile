@@ -19,7 +19,7 @@ test-all: lint
 lint: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports
-	$(BIN)/pyright
+	$(BIN)/pyright --threads
 
 docs: $(READY)
 	$(BIN)/python docs/build.py

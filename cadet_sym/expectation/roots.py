@@ -27,7 +27,16 @@ def roots(
     ends, values : at the two sides, (functions,) each.
     fineness : to which they are found, relative to the distance of the ends.
     """
-    (b, a), (fb, fa) = ends, values  # a: the newest point, on the other side of b
+    a: np.ndarray  # the newest point, on the other side of b
+    b: np.ndarray
+    c: np.ndarray
+    fa: np.ndarray
+    fb: np.ndarray
+    fc: np.ndarray
+    t: np.ndarray
+    least: np.ndarray
+    some: np.ndarray
+    (b, a), (fb, fa) = ends, values
     c, fc, t = b, fb, np.full(len(a), 0.5)
     least = np.maximum(fineness * np.abs(b - a), 4 * np.spacing(np.maximum(np.abs(a), np.abs(b))))
     found, some = (a + b) / 2, np.arange(len(a))
