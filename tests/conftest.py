@@ -44,5 +44,10 @@ def model_file(request) -> Path:
 
 def half(cases: Iterable[Any]) -> list[Any]:
     """The cases, every other one of them left to the slow tests."""
+    return one_in(2, cases)
+
+
+def one_in(few: int, cases: Iterable[Any]) -> list[Any]:
+    """The cases, all but one in so many of them left to the slow tests."""
     several = ((case if isinstance(case, tuple) else (case,)) for case in cases)
-    return [pytest.param(*case, marks=[pytest.mark.slow] * (k % 2)) for k, case in enumerate(several)]
+    return [pytest.param(*case, marks=[pytest.mark.slow] * (k % few > 0)) for k, case in enumerate(several)]

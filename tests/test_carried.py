@@ -6,6 +6,7 @@ import ctypes
 
 import numpy as np
 import pytest
+from conftest import half
 from reference_models import toml
 
 import cadet_sym as cs
@@ -27,7 +28,7 @@ WHEELS = {
 
 @pytest.mark.parametrize("start", ["stationary", "smooth"])
 @pytest.mark.parametrize("wheels", WHEELS)
-@pytest.mark.parametrize("road", ROADS)
+@pytest.mark.parametrize("road", half(ROADS))
 def test_machine_code_is_the_graph_to_the_last_bit(road, wheels, start):
     contacts, force = WHEELS[wheels]
     model = toml(

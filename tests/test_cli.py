@@ -87,6 +87,7 @@ def test_moments_holds_elements_against_adaptive_integration_at_the_moments_of_t
     assert "at the moments of 3 times, 0 to 10: largest error " in text
 
 
+@pytest.mark.parametrize("model_file", half(SHIPPED), ids=lambda path: path.stem)
 def test_show_of_every_model(model_file, run, run_json):
     found = run_json("show", model_file)
     status, text, _ = run("show", model_file)

@@ -251,7 +251,7 @@ def test_the_jacobian_is_that_of_differences(text):
         assert J[:, k] == pytest.approx(slope, rel=1e-5, abs=1e-6 * np.abs(J).max())
 
 
-@pytest.mark.parametrize("text", TWO + THREE)
+@pytest.mark.parametrize("text", half(TWO + THREE))
 def test_without_variance_it_is_the_function_and_derivatives_are_its_own(text):
     both, arguments = with_jacobian(text), arguments_of(text)
     n, mean, h = len(arguments), np.array([0.7, -0.4, 0.5])[: len(arguments)], 1e-3

@@ -20,12 +20,12 @@ CORRELATIONS = (-1.0, 1.0, 0.999999, 0.0)
 
 @pytest.mark.parametrize(
     "text",
-    [
+    half([
         "sqrt(abs(x - 0.5))*sqrt(abs(y + 0.3))",
         "abs(x - 0.2)**1.5*sqrt(abs(y))",
         "abs(x)**0.3*sign(x)*max(y - 0.2, 0)",
         "abs(x)**0.7*sign(x)*tanh(y)",
-    ],
+    ]),
 )
 def test_a_root_is_right_at_any_correlation(text):
     compare(text, bends_at_full=1e-4)  # of full correlation a part of 1e-13 is left out, on which a root is steep

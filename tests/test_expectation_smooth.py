@@ -9,7 +9,7 @@ from functools import cache
 import casadi as ca
 import numpy as np
 import pytest
-from conftest import half
+from conftest import half, one_in
 from gaussian_integrals import covariance, two
 
 import cadet_sym as cs
@@ -66,7 +66,7 @@ def stacked(parts) -> np.ndarray:
     return np.concatenate([np.array(part).ravel() for part in parts])
 
 
-@pytest.mark.parametrize("text", half(TEXTS + KINKED))
+@pytest.mark.parametrize("text", one_in(3, TEXTS + KINKED))
 def test_it_is_the_integral_at_any_correlation(text):
     df = describe(text)
     function, f = element_function(df, ()), value(text)

@@ -8,7 +8,7 @@ import subprocess
 
 import numpy as np
 import pytest
-from conftest import half
+from conftest import one_in
 from exported import build, shared, sources
 
 import cadet_sym as cs
@@ -196,7 +196,7 @@ points = 3
 """
 
 
-@pytest.mark.parametrize("name", half(MODELS))
+@pytest.mark.parametrize("name", one_in(3, MODELS))
 def test_it_compiles_and_agrees(name, tmp_path):
     compiled = cs.compile(loads(MODELS[name]))
     folder = compiled.export_c(tmp_path / "c", prefix="hostile")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from conftest import half
 
 import cadet_sym as cs
 from cadet_sym.language.modelfile import loads
@@ -26,7 +27,7 @@ points = 5
 """
 
 
-@pytest.mark.parametrize("name", ["k_1", "F_1", "k_2", "k_11", "m1", "S11", "m", "p", "u", "D", "N", "E", "Q"])
+@pytest.mark.parametrize("name", half(["k_1", "F_1", "k_2", "k_11", "m1", "S11", "m", "p", "u", "D", "N", "E", "Q"]))
 def test_a_parameter_may_have_the_name_of_an_internal_quantity(name):
     plain = cs.compile(loads(TOY)).propagate()
     named = cs.compile(loads(TOY.replace("STIFFNESS", name))).propagate()

@@ -128,6 +128,7 @@ def test_an_output_that_is_not_linear_is_helped_too(figure_2):
     assert run.saved("variance")["damper_force"][0] > 5
 
 
+@pytest.mark.slow
 def test_standard_errors_of_controlled_estimates_are_their_spread_over_seeds(figure_2):
     twin = twin_of(figure_2, np.array([3.0]))
     runs = [simulate(figure_2.model, 320, times=[3.0], step=0.05, seed=s, check_step=False, twin=twin) for s in range(60)]
