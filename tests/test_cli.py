@@ -319,6 +319,7 @@ def test_validate_prints_the_table_the_sentences_and_the_times(judged):
     assert figure.read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_validate_simulates_until_the_limits_are_as_wanted_and_says_what_it_saved(run, run_json):
     common = ["validate", "models/oleo_constant_speed.toml", "--paths", "auto", "--target", "0.05", "--set", "r=0.1"]
     found = run_json(*common)

@@ -190,6 +190,7 @@ def test_three_arguments_reduce_to_two_when_one_is_linear_in_them(text):
     assert pytest.approx(wanted, rel=1e-4 if "abs(w)" in text else 1e-8) == F
 
 
+@pytest.mark.slow
 def test_three_arguments_at_once_are_integrated_and_measured():
     df = describing_function((X, Y, W), parse("log(4 + x**2 + y**2 + w**2)**2"), name="f")
     assert measured_error(df, {}) > 1e-8
@@ -393,6 +394,7 @@ def test_what_has_no_wave_across_or_no_factors_is_integrated_too(text):
     assert float(function(mean, S, [])[0]) == pytest.approx(exact, rel=2e-5)
 
 
+@pytest.mark.slow
 def test_nodes_are_the_same_in_every_process():
     """Sets have another order in each: of two poles at one place now the one, now the other was kept."""
     program = (

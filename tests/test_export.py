@@ -428,6 +428,7 @@ def test_every_operation_is_written_as_casadi_computes_it(tmp_path):
         np.testing.assert_allclose(f, np.asarray(function(z)).ravel(), rtol=1e-15)
 
 
+@pytest.mark.slow
 def test_long_functions_are_cut_into_blocks(tmp_path):
     z, rng = ca.SX.sym("z", 40), np.random.default_rng(1)
     f, kinds = z, [ca.sin, ca.cos, ca.tanh, ca.atan, ca.sqrt, ca.fabs, ca.exp, ca.sign]

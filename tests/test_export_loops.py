@@ -82,6 +82,7 @@ def test_they_pass_their_own_test_in_either_precision(tmp_path):
         assert run.returncode == 0, run.stdout
 
 
+@pytest.mark.slow
 def test_a_chain_of_many_states_is_loops():
     """Ten times as many operations are not ten times as much code: what grows is tables."""
     Z = sp.Symbol("z", real=True)

@@ -219,6 +219,7 @@ def test_derivatives_in_products_of_matrices_are_those_of_single_terms(which):
 
 
 @pytest.mark.parametrize(("damping", "kind"), [(0.2, "native"), (20_000, "stiff")])
+@pytest.mark.slow
 def test_derivatives_of_a_large_model_are_differences_of_runs(damping, kind, monkeypatch):
     """Without its terms being named: 40 masses in a row, the first on a cubic spring."""
     n = 40

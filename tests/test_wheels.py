@@ -109,6 +109,7 @@ def inside(errors: np.ndarray) -> bool:
 
 
 @pytest.mark.parametrize("vehicle", NONLINEAR)
+@pytest.mark.slow
 def test_a_nonlinear_vehicle_accelerating_lies_inside_the_limits_of_its_simulation(vehicle):
     assert inside(discrepancies(NONLINEAR[vehicle](), 1000, 4)[0])
 
