@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from cadet_sym.lowering.joint import Joint
 
 TOGETHER = 8  # nodes of one call; all orders are multiples of it
-ROUNDING = 1e-8  # what is left of a standard deviation at full correlation, which is known to 1e-16
+ROUNDING = 1e-6  # of a standard deviation is left at full correlation: with less, second derivatives lose their digits
 STEEPER = 1.25  # times the nodes that E[f] takes: derivatives of the density are steeper
 
 
