@@ -19,6 +19,7 @@ MAX_CROSSINGS, MAX_KNOTS = 12, 6
 MAX_CURVES, MAX_PASSES = 2, 3
 CURVED_ERROR = 1e-4  # of gains, the largest found where kinks lie on a curve
 TURNED_ERROR = 0.03  # the same near full correlation where a measured curve has more rows than are followed
+LEAN_ERROR = 1e-3  # the same, near full correlation at ten deviations, where nodes are at kinks alone and none at poles
 LOST_ERROR = 0.1  # the same where there are too many to follow
 FOUND_ERROR = 1e-9  # the largest that these rules were found to leave, relative, up to correlation one
 

@@ -15,7 +15,7 @@ from sympy.core.relational import Relational
 from cadet_sym.errors import LinearisationError
 from cadet_sym.expectation.cells import Cell, Partition
 from cadet_sym.expectation.closed_form import normal
-from cadet_sym.expectation.crossings import CURVED_ERROR, LOST_ERROR, Crossing, crossings_of, ruled
+from cadet_sym.expectation.crossings import CURVED_ERROR, LEAN_ERROR, LOST_ERROR, Crossing, crossings_of, ruled
 from cadet_sym.expectation.existence import require_expectation
 from cadet_sym.expectation.pieces import SAME, TINY, Splitter, affine, factored, has_kinks
 from cadet_sym.expectation.quadrature import PLAIN_ERROR, Integral, Wish, stretches
@@ -73,6 +73,7 @@ class Nested:
     steps: tuple[Step, ...]
     crossings: tuple[Crossing, ...]
     error: float = field(compare=False)  # as such rules leave; `lowering.measured` knows more of this one
+    lean: bool = False  # nodes at kinks alone
     written_out: bool = False  # scalar operations alone, however many nodes
 
     def kinks(self) -> Iterator[tuple[int, sp.Expr]]:
@@ -237,7 +238,8 @@ def _over(
     oscillates = any(wave.has(*rest) for wave in body.atoms(sp.sin, sp.cos))
     kinds = [{"sums": s.inner.nodes > 0, "plain": wish.plain, "lean": wish.lean, "waves": oscillates} for s in slices]
     ready = tuple(replace(s, part=ruled(s.part, crossings, **kind)) for s, kind in zip(slices, kinds, strict=True))
-    return Nested(outer, others, ready, tuple(steps), crossings, PLAIN_ERROR if wish.plain else error)
+    error = PLAIN_ERROR if wish.plain else max(error, LEAN_ERROR) if wish.lean else error
+    return Nested(outer, others, ready, tuple(steps), crossings, error, lean=wish.lean and not wish.plain)
 
 
 def _waves(value: sp.Expr, z: sp.Symbol, rest: tuple[sp.Symbol, ...]) -> Iterator[Steep]:

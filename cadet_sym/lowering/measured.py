@@ -18,6 +18,7 @@ import sympy as sp
 from cadet_sym.errors import ExpectationWarning, LinearisationError
 from cadet_sym.expectation.accuracy import WARNED
 from cadet_sym.expectation.conditional import Part
+from cadet_sym.expectation.crossings import LEAN_ERROR
 from cadet_sym.expectation.describing import DescribingFunction
 from cadet_sym.expectation.nested import Nested
 from cadet_sym.expectation.reduced import Reduced
@@ -189,9 +190,10 @@ def _cases(df: DescribingFunction, numbers: Mapping[sp.Symbol, float], scale: fl
 
 
 def _errors(df: DescribingFunction, cases: Sequence[_Case]) -> dict[float, float]:
-    """The largest error by standard deviation."""
+    """The largest error by standard deviation; where it is known to be larger elsewhere, no less than that."""
     function = element_function(df, parameters_of(df))
     finer = None if all(case.truth for case in cases) else element_function(_finer(df), parameters_of(df))
+    least = LEAN_ERROR if any(isinstance(product, Nested) and product.lean for product in df.products) else 0.0
     errors: dict[float, float] = {}
     for case in cases:
         found, own = _row(function, case), np.zeros(1)
@@ -202,7 +204,7 @@ def _errors(df: DescribingFunction, cases: Sequence[_Case]) -> dict[float, float
         left = SAFETY * np.maximum(np.abs(found - wanted) / case.units - own, 0.0)
         doubt = min(float(own.max()), df.error) if own.max() > WARNED else 0.0
         worst = max(float(left.max()), doubt) if np.all(np.isfinite(left)) else np.inf
-        errors[case.std] = max(worst, errors.get(case.std, 0.0))
+        errors[case.std] = max(worst, least, errors.get(case.std, 0.0))
     return errors
 
 
