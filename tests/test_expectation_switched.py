@@ -16,6 +16,7 @@ from nested_integrals import truth as integral
 from cadet_sym.expectation import describing_function
 from cadet_sym.expectation.adaptive import integrate
 from cadet_sym.expectation.crossings import LEAN_ERROR
+from cadet_sym.expectation.nested import _ordered
 from cadet_sym.expectation.switched import Switched
 from cadet_sym.expectation.switching import with_order
 from cadet_sym.language.expression import parse, symbol
@@ -203,3 +204,10 @@ def test_second_derivatives_keep_their_digits_at_full_correlation():
     way = np.array([3.0, 1.2])
     on, off = (way @ np.array(bends([-0.3, 1.24, 9.0, 3.6, 1.44 + e * e])) @ way for e in (0.0, 1e-4))
     assert on == pytest.approx(off, rel=1e-7)
+
+
+def test_places_are_in_order_whether_or_not_they_may_be_one():
+    far, near = sp.sqrt(C**2 + 1), sp.Abs(C)  # the first is never zero, the second may be
+    assert _ordered({far, -far, sp.S.Zero}) == [-far, 0, far]
+    assert _ordered({near, -near, sp.S.Zero}) == [-near, 0, near]
+    assert _ordered({sp.S.One, C}) is None

@@ -332,7 +332,7 @@ def _ordered(points: set[sp.Expr]) -> list[sp.Expr] | None:
     for point in points - set(found):
         if point.is_number:
             continue
-        sides = [(point - other).is_nonnegative if (other - point).is_nonnegative is None else False for other in found]
+        sides = [False if (other - point).is_nonnegative else (point - other).is_nonnegative for other in found]
         if None in sides:
             return None
         found.insert(sum(sides), point)
