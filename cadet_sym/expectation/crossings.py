@@ -27,7 +27,7 @@ GRADING = 10  # power of the substitution at an end where f has a root: its deri
 WITH_STEPS = Rule(1, 24, straight=32, power=GRADING)
 WITH_STEPS_AND_POLES = Rule(1, 40, straight=40, power=GRADING)
 WITH_CURVES = Rule(3, 24, straight=32)
-WITH_ROOTS = Rule(2, 44, straight=32, graded=32, power=GRADING)
+WITH_ROOTS = Rule(2, 56, straight=32, graded=32, power=GRADING)  # for second derivatives at full correlation
 AT_ENDS = Rule(3, 32, straight=48, graded=48)
 AT_ENDS_OF_PLACES = Rule(1, 32, straight=32, graded=48)  # where there are up to six of them
 AT_ENDS_OF_SUMS = Rule(1, 16, straight=24, graded=20)  # where every node is a sum over nodes itself
