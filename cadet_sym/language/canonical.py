@@ -90,7 +90,10 @@ def canonical(expr: Any) -> sp.Expr:
     ------
     ModelError : for what the language does not have (complex numbers, integrals, unknown functions).
     """
-    return _settled(_basic(expr), current_limits().exponent)
+    result = _settled(_basic(expr), current_limits().exponent)
+    if not isinstance(result, sp.Expr):
+        raise ModelError(f"a value is wanted, not the condition `{result}`: say what holds in each case, as `1 if ... else 0`")
+    return result
 
 
 # A model's expressions pass here more than once: from the text, from the record, from a change of parameters.

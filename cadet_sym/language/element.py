@@ -40,8 +40,17 @@ class Element:
         try:
             set_field(self, "elements", tuple(harvest([self.value])))
             set_field(self, "value", canonical(self.value))
+            self._require_arguments()
         except ModelError as error:
             raise error.placed(table=f"elements.{self.name}", key="value") from None
+
+    def _require_arguments(self) -> None:
+        """Something of its arguments is in its value, unless that is zero: an element that is switched off."""
+        if self.value != 0 and not self.value.free_symbols & set(self.arguments):
+            names = " or ".join(f"`{argument}`" for argument in self.arguments)
+            raise ModelError(
+                f"`{self.value}` is not a function of the state: there is no {names} in it; use it, or write this in the rate"
+            )
 
     def __call__(self, *arguments: Any) -> sp.Expr:
         """The element at arguments, for use in a rate or an output."""

@@ -45,7 +45,10 @@ def measured_curve(
     for key, given, known in (("outside", outside, OUTSIDE), ("interpolation", interpolation, INTERPOLATION)):
         if given not in known:
             raise ModelError(f"`{key}` of a measured curve is one of: {', '.join(known)}; not {given!r}")
-    columns = [np.asarray(column, dtype=float) for column in (positions, values)]
+    try:
+        columns = [np.asarray(column, dtype=float) for column in (positions, values)]
+    except (TypeError, ValueError):
+        raise ModelError("the rows of a measured curve are real numbers, in two columns of one length") from None
     if columns[0].ndim != 1 or columns[0].shape != columns[1].shape:
         shapes = " and ".join(str(column.shape) for column in columns)
         raise ModelError(f"a measured curve is two columns of one length; their shapes are {shapes}")

@@ -277,7 +277,14 @@ def extreme(kind: type[sp.Max] | type[sp.Min], arguments: Sequence[sp.Expr]) -> 
 
 
 def clip(z: sp.Expr, low: sp.Expr, high: sp.Expr) -> sp.Expr:
-    """`z` held between two limits: Min(Max(z, low), high)."""
+    """`z` held between two limits: Min(Max(z, low), high).
+
+    Raises
+    ------
+    ModelError : limits that are seen to be in the wrong order.
+    """
+    if sp.sympify(high - low).is_negative:
+        raise ModelError(f"`clip` holds `{z}` between a lower limit {low} and an upper one {high}, which is less: swap them")
     return extreme(sp.Min, [extreme(sp.Max, [z, low]), high])
 
 
