@@ -196,11 +196,11 @@ class _Splitter:
                 self.made[key.body, scale] = found
             return Nonlinearity(name, key.forms, replace(found, name=name))
         except LinearisationError as error:
-            for argument in arguments:
-                error.message = error.message.replace(argument.name, readable(argument).name)
-            where = zip(arguments, key.forms, strict=True)
-            stands = ", ".join(f"{readable(z)} is `{unparse(form.of(self.states))}`" for z, form in where)
-            error.add_note(f"The term is `{unparse(self.written_out(key))}`; {stands}.")
+            for argument, form in zip(arguments, key.forms, strict=True):
+                stands = shown(form.of(self.states))
+                message = error.message.replace(f"`{argument.name}`", f"`{stands}`")
+                error.message = message.replace(argument.name, stands if stands.isidentifier() else f"({stands})")
+            error.add_note(f"The term is `{shown(self.written_out(key))}`.")
             raise
 
     def written_out(self, key: _Key) -> sp.Expr:

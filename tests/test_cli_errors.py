@@ -98,6 +98,11 @@ DECLARATIONS = {
     "not TOML": (edited(TOY, "[rates]", "[rates"), ["model.toml"]),
     "not an expression": (edited(TOY, "-k*spring(x)", "-k*spring(x"), ["[rates] v", "^"]),
     "code": (edited(TOY, "0.2*v", "__import__('os')"), ["[rates] v"]),
+    "no function of the state": (edited(TOY, '"z + z**3"', '"3"'), ["[elements.spring] value", "`3`", "`z`"]),
+    "limits in the wrong order": (edited(TOY, "z + z**3", "clip(z, 1, -1)"), ["[elements.spring] value", "swap them", "^"]),
+    "no expectation": (edited(TOY, "z + z**3", "(1 + z)**-1.4"), ["`spring`", "`x + 1`", "clip", "1/(x + 1)**1.4"]),
+    "nowhere a number": (edited(TOY, "z + z**3", "sqrt(-1 - z**2)"), ["`spring`", "sqrt(-x**2 - 1)", "nowhere a real number"]),
+    "a stop beyond the pole": (edited(TOY, "z + z**3", "(1 + max(z, -k))**-1.4"), ["`spring`", "k", "is -1", "parameters"]),
     "noise in an output": (
         edited(TOY, 'displacement = "x"', 'displacement = "x + w"'),
         ["displacement", "w"],

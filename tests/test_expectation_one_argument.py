@@ -216,6 +216,40 @@ def test_a_curve_may_be_scaled_shifted_multiplied_and_squared():
             assert gain == pytest.approx(slope, rel=1e-4, abs=1e-4)
 
 
+CURVE, OTHER, LONG = table(9, "hold", "linear"), table(7, "extrapolate", "monotone"), table(200, "extrapolate", "linear")
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        CURVE.subs(Z, LONG),
+        LONG.subs(Z, CURVE),
+        OTHER.subs(Z, 2 * CURVE - 1),
+        CURVE.subs(Z, OTHER) * sp.Abs(Z),
+        CURVE.subs(Z, expression("z if z > 0 else 0.4*z")),
+        LONG.subs(Z, expression("clip(z**3, -1, 2)")),
+        sp.Piecewise((OTHER, sp.Rational(3, 10) < CURVE), (sp.S.One, True)),
+    ],
+    ids=["long in short", "short in long", "monotone", "of a monotone one", "bilinear", "clipped", "condition"],
+)
+def test_a_curve_of_a_curve_or_of_pieces_is_cut_where_either_bends(body):
+    function = element_function(describing_function((Z,), body), ())
+    for m, s in MOMENTS[1:4]:
+        wanted, slope = one(lambda z: np.asarray(evaluate(body, {Z: z})), m, s, np.linspace(-3, 3, 300))
+        F, gain = (float(x) for x in function(m, s * s, []))
+        assert pytest.approx(wanted, rel=1e-5, abs=1e-5) == F
+        assert gain == pytest.approx(slope, rel=1e-3, abs=1e-3)
+
+
+def test_a_conditional_within_a_condition_is_what_it_is_written_out():
+    within = sp.Piecewise((Z, sp.Piecewise((Z, Z > 0), (Z**2 - 1, True)) > sp.S.Half), (0, True))
+    assert within.has(sp.ITE)
+    out = expression("z if (z > 0 and z > 1/2) or (z <= 0 and z**2 - 1 > 1/2) else 0")
+    one_way, other = (element_function(describing_function((Z,), body), ()) for body in (within, out))
+    for m, s in MOMENTS:
+        assert values(one_way(m, s * s, [])) == pytest.approx(values(other(m, s * s, [])), rel=1e-12)
+
+
 @pytest.mark.parametrize("outside", ["extrapolate", "hold"])
 @pytest.mark.parametrize("method", ["linear", "monotone"])
 @pytest.mark.parametrize("power", [2, 3])
@@ -283,6 +317,16 @@ def test_what_has_no_expectation_is_refused_with_the_reason_and_the_remedy(text,
     assert message.startswith("the element `gas` has no Gaussian expectation:")
     assert reason in message
     assert "clip" in message
+
+
+@pytest.mark.parametrize(
+    ("text", "a"), [("(1 + max(z, -a))**(-1.4)", 1.0), ("(1 + max(z, -1)/a)**(-1.4)", 0.8), ("sqrt(1 - a*z**2)", 0.1)]
+)
+def test_a_function_that_is_no_number_for_the_numbers_of_its_parameters_is_refused_with_a_place(text, a):
+    body = expression(text)
+    with pytest.raises(LinearisationError, match="with the numbers of its parameters .* where `z` is -?[0-9.]+;.*clip"):
+        describing_function((Z,), body, values={symbol("a"): a}, scale=2.0)
+    describing_function((Z,), expression("(1 + max(z, -a))**(-1.4)"), values={symbol("a"): 0.9})
 
 
 @pytest.mark.parametrize("text", ["sign(sin(z))", "abs(sin(z))", "1 if z*tanh(z) > 1 else 0"])

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import sympy as sp
 
+from cadet_sym.errors import ExpectationWarning, LinearisationError
 from cadet_sym.expectation.conditional import Part, products
+from cadet_sym.expectation.existence import gap, may_have_gaps
 from cadet_sym.expectation.quadrature import Wish
 from cadet_sym.expectation.tame import tamed
 
@@ -72,8 +75,22 @@ def describing_function(
     LinearisationError
         If no expectation exists, or there is no rule for it.
     """
-    where = f"the element `{name}`" if name else f"`{body}`"
-    return describe(arguments, body, where, Wish(values or {}, scale=scale), name)
+    where, numbers = f"the element `{name}`" if name else f"`{body}`", values or {}
+    place = None
+    if numbers and body.free_symbols - set(arguments) <= numbers.keys() and may_have_gaps(body):
+        place = gap(arguments, body, numbers, scale)
+    with warnings.catch_warnings():
+        if place is not None:  # what follows may know the reason; how accurate it would be is of no interest
+            warnings.simplefilter("ignore", ExpectationWarning)
+        found = describe(arguments, body, where, Wish(numbers, scale=scale), name)
+    if place is not None:
+        at = " and ".join(f"`{z}` is {value:.3g}" for z, value in zip(arguments, place, strict=True))
+        raise LinearisationError(
+            f"{where} has no Gaussian expectation: with the numbers of its parameters `{body}` is infinite or not a real "
+            f"number, for example where {at}; clip what is in its roots, logarithms and powers (max, min, clip, or a stop in a "
+            "conditional), or change the parameters"
+        )
+    return found
 
 
 def describe(arguments: tuple[sp.Symbol, ...], body: sp.Expr, where: str, wish: Wish, name: str = "") -> DescribingFunction:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 import sympy as sp
@@ -13,6 +13,9 @@ from cadet_sym.expectation.pieces import Splitter, factored
 from cadet_sym.language.numeric import evaluate
 
 SCANNED = 50.0  # how far from zero an expression is looked at for zeros that cannot be written down
+REACH = 10.0  # standard deviations, in units of the scale, at which a function is looked at in numbers
+SAMPLES = 4000
+GROWING = (sp.exp, sp.sinh, sp.cosh)  # what may become infinite by its size alone
 
 
 def require_expectation(value: sp.Expr, cell: Cell, splitter: Splitter) -> None:
@@ -34,6 +37,23 @@ def require_expectation(value: sp.Expr, cell: Cell, splitter: Splitter) -> None:
         elif isinstance(node, sp.tan):
             _check_tangent(node, cell, splitter)
     _check_growth(value, cell, splitter)
+
+
+def gap(
+    arguments: Sequence[sp.Symbol], body: sp.Expr, numbers: Mapping[sp.Symbol, float], scale: float
+) -> np.ndarray | None:
+    """Where, next to zero, a function is seen to be no finite real number; None if nowhere."""
+    points = REACH * scale * np.random.default_rng(0).normal(size=(SAMPLES, len(arguments)))
+    values = np.broadcast_to(evaluate(body, {**numbers, **dict(zip(arguments, points.T, strict=True))}), SAMPLES)
+    gaps = points[np.isnan(values) if body.has(*GROWING) else ~np.isfinite(values)]
+    return gaps[np.argmin(np.linalg.norm(gaps, axis=1))] if gaps.size else None
+
+
+def may_have_gaps(body: sp.Expr) -> bool:
+    """Whether there is anything in a function that is no number everywhere, and nothing that may grow beyond all numbers."""
+    powers = (power for power in body.atoms(sp.Pow) if not (power.exp.is_integer and power.exp.is_nonnegative))
+    rooted = body.has(sp.log, sp.asin, sp.acos) or any(not power.base.is_number for power in powers)
+    return rooted and not body.has(*GROWING)
 
 
 def _refuse(splitter: Splitter, what: str, remedy: str) -> None:
@@ -79,6 +99,8 @@ def _check_real(node: sp.Expr, base: sp.Expr, cell: Cell, splitter: Splitter) ->
     for part, sign in parts:
         if sign < 0 and part.conditions == cell.conditions and _surely_not_empty(part):
             edge = part.upper if not part.upper.is_infinite else part.lower
+            if edge.is_infinite:
+                _refuse(splitter, f"`{node}` is nowhere a real number", "correct it, or a sign in it")
             _refuse(splitter, f"`{node}` is not a real number where {base} < 0", _clip_remedy(splitter, f"{edge}"))
 
 

@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import sympy as sp
@@ -15,6 +16,8 @@ from sympy.logic.boolalg import Boolean, BooleanFalse, BooleanTrue
 
 from cadet_sym.errors import LinearisationError
 from cadet_sym.expectation.cells import Cell, Partition
+from cadet_sym.language.curve import curve_pieces
+from cadet_sym.language.vocabulary import Lookup
 
 MAX_PIECES = 4096
 SAME = 1e-12  # relative difference of points that are one
@@ -173,6 +176,14 @@ class Splitter:
             )
         return pieces
 
+    def _curve(self, expr: Lookup, cell: Cell) -> Partition:
+        """A measured curve, cut where its argument is and, in each part, at the rows that the argument passes there."""
+        pieces: Partition = []
+        for part, value in self.split(expr.argument, cell):
+            curve = expr.func(value, *expr.args[1:])
+            pieces.extend(self.split(curve_pieces(curve, *_extent(value, self.z, part)), part))
+        return pieces
+
     # -- conditions -----------------------------------------------------------------------------------------------
 
     def region(self, condition: Boolean, cell: Cell) -> Iterator[tuple[Cell, bool]]:
@@ -195,6 +206,10 @@ class Splitter:
                     yield c, deciding
                 else:
                     yield from self.region(rest, c)
+        elif isinstance(condition, sp.ITE):  # what SymPy makes of a conditional within a condition
+            decides, *cases = condition.args
+            for c, holds in self.region(decides, cell):
+                yield from self.region(cases[0 if holds else 1], c)
         elif isinstance(condition, (sp.Eq, sp.Ne)):
             yield from ((c, isinstance(condition, sp.Ne)) for c, sign in self._relation_signs(condition, cell))
         elif isinstance(condition, Relational):
@@ -334,8 +349,26 @@ _RULES: dict[type, Callable[[Splitter, sp.Expr, Cell], Partition]] = {
     sp.Max: Splitter._extremum,
     sp.Min: Splitter._extremum,
     sp.Piecewise: Splitter._piecewise,
+    Lookup: Splitter._curve,
 }
 _KINKED = tuple(_RULES)
+
+
+def _extent(value: sp.Expr, z: sp.Symbol, cell: Cell) -> tuple[Any, Any]:
+    """Bounds of a polynomial with numbers on a cell, a little wide of the mark; infinite where they are not known."""
+    if value.is_Rational:
+        return value, value
+    numbers = sp.Poly(value, z).all_coeffs() if value.is_polynomial(z) else []
+    places = [float(end) for end in (cell.lower, cell.upper) if end.is_number or end.is_infinite]
+    highest = 2 if np.isinf(places).any() else 4
+    if len(places) < 2 or not 1 < len(numbers) <= highest or not all(each.is_number for each in numbers):
+        return -math.inf, math.inf
+    coefficients = np.array(numbers, dtype=float)
+    turns = np.roots(np.polyder(coefficients)).real
+    finite = [*(end for end in places if math.isfinite(end)), *turns[(turns > places[0]) & (turns < places[1])]]
+    values = [*np.polyval(coefficients, finite), *(end * coefficients[0] for end in places if math.isinf(end))]
+    wide = SAME * np.polyval(np.abs(coefficients), np.abs(finite).max(initial=0.0))
+    return min(values) - wide, max(values) + wide
 
 
 def _root(slope: sp.Expr, offset: sp.Expr) -> sp.Expr:

@@ -61,7 +61,7 @@ class Table:
 
 
 def tables_in(body: sp.Expr, z: sp.Symbol) -> tuple[tuple[Table, ...], sp.Expr]:
-    """Take the terms `factor * curve(affine in z)**n` out of a sum; write all other curves out as conditionals."""
+    """Take the terms `factor * curve(affine in z)**n` out of a sum: the tables, and what is left."""
     tables, rest = [], []
     for term in sp.Add.make_args(body):
         if not term.has(Lookup):
@@ -71,7 +71,7 @@ def tables_in(body: sp.Expr, z: sp.Symbol) -> tuple[tuple[Table, ...], sp.Expr]:
         curve, power = varying.as_base_exp()
         line = affine(curve.argument, z) if isinstance(curve, Lookup) else None
         if line is None or factor.has(Lookup) or power not in range(1, HIGHEST // DEGREE[curve.method] + 1):
-            rest.append(written_out(term))
+            rest.append(term)
         else:
             tables.append(_table(curve, factor, *line, int(power)))
     return tuple(tables), sp.Add(*rest)

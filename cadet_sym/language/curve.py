@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from fractions import Fraction
 from functools import lru_cache
@@ -61,15 +62,17 @@ def coefficients(curve: Lookup) -> list[tuple[sp.Rational, ...]]:
     return [tuple(sp.Rational(c.numerator, c.denominator) for c in piece) for piece in pieces]
 
 
-def curve_pieces(curve: Lookup) -> sp.Expr:
-    """The curve as a Piecewise of polynomials in its argument."""
+def curve_pieces(curve: Lookup, low: Any = sp.S.NegativeInfinity, high: Any = sp.S.Infinity) -> sp.Expr:
+    """The curve as a Piecewise of polynomials in its argument, which is known to lie between two numbers."""
     z, knots = curve.argument, curve.knots
     polynomials = [_polynomial(piece, z, k) for piece, k in zip(coefficients(curve), knots, strict=False)]
     edges = list(knots[1:-1])
     if curve.outside != "extrapolate":
         polynomials = [curve.values[0], *polynomials, curve.values[-1]]
         edges = list(knots)
-    return pieced(polynomials, edges, z)
+    first = bisect_right(edges, low)
+    last = max(first, bisect_left(edges, high))
+    return pieced(polynomials[first : last + 1], edges[first:last], z)
 
 
 def pieced(polynomials: Sequence[sp.Expr], edges: Sequence[sp.Expr], z: sp.Expr) -> sp.Expr:
@@ -83,9 +86,9 @@ def pieced(polynomials: Sequence[sp.Expr], edges: Sequence[sp.Expr], z: sp.Expr)
 def _polynomial(piece: Sequence[sp.Rational], z: sp.Expr, knot: sp.Rational) -> sp.Expr:
     """c0 + c1 (z - k) + ... as it stands: SymPy's evaluation of thousands of them would take seconds.
 
-    Unless z is a sum: one within another is no polynomial to SymPy.
+    Unless z is a sum: one within another is no polynomial to SymPy. Numbers are put in.
     """
-    if z.is_Add:
+    if z.is_Add or z.is_number:
         return sp.Add(*(c * (z - knot) ** n for n, c in enumerate(piece)))
     d = sp.Add(z, -knot, evaluate=False) if knot != 0 else z
     terms = [piece[0]] if piece[0] != 0 else []

@@ -20,6 +20,7 @@ from cadet_sym.expectation.accuracy import WARNED
 from cadet_sym.expectation.conditional import Part
 from cadet_sym.expectation.crossings import LEAN_ERROR
 from cadet_sym.expectation.describing import DescribingFunction
+from cadet_sym.expectation.existence import gap
 from cadet_sym.expectation.nested import Nested
 from cadet_sym.expectation.reduced import Reduced
 from cadet_sym.language.expression import DISTANCE, SPEED, TIME, symbol
@@ -91,11 +92,8 @@ def _refuse_gaps(
     element: Nonlinearity, states: Sequence[sp.Symbol], numbers: Mapping[sp.Symbol, float], scale: float, what: str
 ) -> None:
     """No function that is no number, or a complex one, in a part of its arguments' range."""
-    df = element.describing
-    points = WIDEST * scale * np.random.default_rng(0).normal(size=(SAMPLES, len(df.arguments)))
-    values = evaluate(df.body, {**numbers, **dict(zip(df.arguments, points.T, strict=True))})
-    if (gaps := np.isnan(values)).any():
-        nearest = points[gaps][np.argmin(np.linalg.norm(points[gaps], axis=1))]
+    nearest = gap(element.describing.arguments, element.describing.body, numbers, scale)
+    if nearest is not None:
         at = zip(element.forms, nearest, strict=True)
         place = " and ".join(f"`{shown(form.of(states))}` is {z:.3g}" for form, z in at)
         raise LinearisationError(
