@@ -142,14 +142,17 @@ def test_the_order_follows_the_scale():
     # far out it is the sign of the product: E[sign(x) sign(y)] = (2/pi) asin(rho)
     found = [float(function([0, 0], covariance((s, s), 0.5), [])[0]) for s in (1e3, 1e4)]
     assert found == pytest.approx([1 / 3, 1 / 3], abs=1e-8)
+    small, large = np.inf, np.inf
+    for _ in range(5):  # by turns, the least of each: others use the machine too
+        small, large = min(small, time_of(function, 0.01)), min(large, time_of(function, 1e4))
+    assert large > 2 * small
+
+
+def time_of(function: ca.Function, variance: float) -> float:
     started = time.process_time()
-    for _ in range(20):
-        function([0, 0], [0.01, 0, 0.01], [])
-    small = time.process_time() - started
-    started = time.process_time()
-    for _ in range(20):
-        function([0, 0], [1e4, 0, 1e4], [])
-    assert time.process_time() - started > 2 * small
+    for _ in range(10):
+        function([0, 0], [variance, 0, variance], [])
+    return time.process_time() - started
 
 
 def test_fixed_numbers_of_nodes_give_the_same_in_scalar_operations():
