@@ -19,7 +19,9 @@ SHIPPED = sorted((ROOT / "models").glob("*.toml"))
 
 
 def pytest_configure(config):
-    """Compiled models of the tests are kept apart from the user's."""
+    """Compiled models of the tests are kept apart from the user's: processes that share the tests out share these too."""
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        return  # the variable is inherited
     place = tempfile.mkdtemp(prefix="cadet-sym-tests-")
     config.add_cleanup(lambda: shutil.rmtree(place, ignore_errors=True))
     os.environ["CADET_SYM_CACHE"] = place
