@@ -134,6 +134,15 @@ class Planar:
         """The function and its derivatives in the outer and the inner argument."""
         return self.value, *(sp.diff(self.value, z) for z in self.symbols)
 
+    @cached_property
+    def course(self) -> tuple[tuple[sp.Expr, ...], tuple[sp.Expr, ...]]:
+        """The curve and its two derivatives; its three second ones, nothing if it is straight."""
+        curve, (x, y) = self.curve, self.symbols
+        assert curve is not None
+        across, rise = sp.diff(curve, x), sp.diff(curve, y)
+        bends = sp.diff(across, x), sp.diff(across, y), sp.diff(rise, y)
+        return (curve, across, rise), bends if any(bends) else ()
+
     def kinks(self) -> Iterator[tuple[int, sp.Expr]]:
         """Arguments and positions of kinks."""
         return ((self.outer, end) for end, _ in self.ends)
@@ -154,8 +163,9 @@ Evaluate = Callable[[sp.Expr, Mapping[sp.Symbol, Number]], Number]
 class Layout:
     """Where the nodes go, in NumPy or CasADi."""
 
-    def __init__(self, planar: Planar, evaluate: Evaluate, xp: Algebra, reach: float = REACH):
+    def __init__(self, planar: Planar, evaluate: Evaluate, xp: Algebra, reach: float = REACH, step: float | None = None):
         self.planar, self.evaluate, self.xp, self.reach = planar, evaluate, xp, reach
+        self.step = planar.step if step is None else step
 
     # -- the outer line -------------------------------------------------------------------------------------------
 
@@ -183,14 +193,11 @@ class Layout:
 
     def passed(self, at: Moments) -> list[tuple[Number, Number]]:
         """Where the mean of the inner argument, given the outer one, passes the pole: a u^2 + b u + c = +- i size."""
-        xp, curve = self.xp, self.planar.curve
-        assert curve is not None
-        outer, inner = self.planar.symbols
-        here = {outer: at.m, inner: at.mean}
-        c, across, rise = (self.evaluate(e, here) for e in (curve, sp.diff(curve, outer), sp.diff(curve, inner)))
+        xp, (outer, inner) = self.xp, self.planar.symbols
+        here, (slopes, bends) = {outer: at.m, inner: at.mean}, self.planar.course
+        c, across, rise = (self.evaluate(e, here) for e in slopes)
         b = across * at.s + rise * at.lean
-        bends = [sp.diff(curve, *pair) for pair in ((outer, outer), (outer, inner), (inner, inner))]
-        if not any(bends):
+        if not bends:
             b = xp.where(xp.fabs(b) > PARALLEL, b, PARALLEL)
             u = -c / b
             return [(u, self._size(at, u, rise) / xp.fabs(b))]
@@ -245,7 +252,7 @@ class Layout:
     def outer_steps(self, first: Number, last: Number, at: Moments) -> Number:
         """How many steps the outer line takes from tau = first to last: longer ones where f is averaged over the inner one."""
         wide = 1 + WIDER * self.xp.sqrt(at.left / at.spread)
-        steps = (last - first) / (wide * self.planar.step)
+        steps = (last - first) / (wide * self.step)
         return GAUSS * steps + AT_ENDS if self.planar.ends else steps
 
     # -- the inner line -------------------------------------------------------------------------------------------
@@ -272,7 +279,7 @@ class Layout:
     def steps(self, u: Number, first: Number, last: Number) -> Number:
         """How many steps the inner line takes: fewer where the outer density has fallen already."""
         left = self.xp.fmax(1 - TAPER * (u / self.reach) ** 2, LEAST)
-        return (last - first) * left / self.planar.step
+        return (last - first) * left / self.step
 
     def inner_nodes(self, line: tuple[Number, Number, Number, Number], count: int) -> tuple[Number, Number, Number]:
         """So many nodes v as rows, weights that hold phi(v), and a factor of all weights.

@@ -160,7 +160,7 @@ class _Case:
     def sums(self, step: float, reach: float) -> tuple[np.ndarray, float, int]:
         """E[f], the gains times standard deviations; E|f|; the number of nodes."""
         at, (outer, inner) = self.moments, self.planar.symbols
-        layout = Layout(replace(self.planar, step=step), self._evaluate, NumpyAlgebra(), reach)
+        layout = Layout(self.planar, self._evaluate, NumpyAlgebra(), reach, step)
         u, weight = self._outer_nodes(layout)
         line = layout.stretch(u, at)
         counts = np.array(INNER.counts)[INNER.index(layout.steps(u, *line[2:]), layout.xp).astype(int)]

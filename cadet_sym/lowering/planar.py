@@ -32,20 +32,20 @@ def _expectation(planar: Planar, free: tuple[sp.Symbol, ...]) -> ca.Function:
 
     By the heat equation dF/dS_oo = E[f_oo]/2, dF/dS_oi = E[f_oi], dF/dS_ii = E[f_ii]/2: finite without variance.
     """
-    x, y = planar.symbols
-    rows = planar.slopes
-    slopes = [
-        [sp.diff(r, x), sp.diff(r, y), *_half_hessian(r, x, y), *(sp.diff(r, symbol) for symbol in free)] for r in rows
-    ]
+    f, rows = _derivatives(planar), ((0, 0), (1, 0), (0, 1))
     v, out = ca.MX.sym("v", 5 + len(free)), ca.MX.sym("out", len(rows))
-    flat = list(dict.fromkeys(e for row in slopes for e in row))
+    in_parameters = [sp.diff(f[row], symbol) for row in rows for symbol in free]
+    flat = list(dict.fromkeys([*(f[k] for k in f if k != (0, 0)), *in_parameters]))
     finer = replace(planar, step=FINER * planar.step)
-    sums = _Sums(finer, free, flat, every=2).function()(v)
-    jacobian = ca.vertcat(*(ca.horzcat(*(sums[flat.index(e)] for e in row)) for row in slopes))
+    found = ca.vertsplit(_Sums(finer, free, flat, every=2).function()(v))
+    E = {k: found[flat.index(f[k])] for k in f if k != (0, 0)}
+    moved = ca.vertcat(*(found[flat.index(e)] for e in in_parameters)).reshape((len(free), len(rows))).T
+    in_moments = [[E[i + 1, j], E[i, j + 1], E[i + 2, j] / 2, E[i + 1, j + 1], E[i, j + 2] / 2] for i, j in rows]
+    jacobian = ca.horzcat(ca.vertcat(*(ca.horzcat(*row) for row in in_moments)), moved)
     for end, side in planar.ends:
         jacobian += side * _at_end(finer, free, end)(v)
     derivative = ca.Function("jac_called", [v, out], [jacobian], ["v", "out_F"], ["jac_F_v"])
-    return with_derivative(v, _Sums(planar, free, rows).function()(v), derivative)
+    return with_derivative(v, _Sums(planar, free, planar.slopes).function()(v), derivative)
 
 
 def _at_end(planar: Planar, free: tuple[sp.Symbol, ...], end: sp.Expr) -> ca.Function:
@@ -78,8 +78,13 @@ def _at_end(planar: Planar, free: tuple[sp.Symbol, ...], end: sp.Expr) -> ca.Fun
     return ca.Function("end", [v], [added(found, where, v[5:])])
 
 
-def _half_hessian(f: sp.Expr, x: sp.Symbol, y: sp.Symbol) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
-    return sp.diff(f, x, 2) / 2, sp.diff(f, x, y), sp.diff(f, y, 2) / 2
+def _derivatives(planar: Planar) -> dict[tuple[int, int], sp.Expr]:
+    """The function differentiated (i, j) times by its outer and inner argument, i + j up to three, each from one before."""
+    (x, y), (f, f_x, f_y) = planar.symbols, planar.slopes
+    found = {(0, 0): f, (1, 0): f_x, (0, 1): f_y}
+    for i, j in ((2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3)):
+        found[i, j] = sp.diff(found[i - 1, j], x) if i else sp.diff(found[i, j - 1], y)
+    return found
 
 
 @lru_cache(maxsize=256)
