@@ -43,6 +43,7 @@ from .linearisation import QuasiLinearSystem as QuasiLinearSystem
 from .linearisation import linearise as linearise
 from .lowering.check import ElementCheck as ElementCheck
 from .lowering.check import check as check
+from .lowering.elements import element_function as element_function
 from .moments import MomentEquations as MomentEquations
 from .moments import moment_equations as moment_equations
 from .optima import Optimum as Optimum

@@ -18,7 +18,7 @@ from sympy.core.relational import Relational
 
 from cadet_sym.augmentation import AugmentedSystem
 from cadet_sym.errors import LinearisationError
-from cadet_sym.expectation import DescribingFunction, describing_function
+from cadet_sym.expectation import DescribingFunction, described
 from cadet_sym.expectation.accuracy import WARNED
 from cadet_sym.language.element import Element
 from cadet_sym.language.expression import ElementCall, symbol, unparse
@@ -191,7 +191,7 @@ class _Splitter:
             scale = max(form.scale(self.values) for form in key.forms)
             found = self.made.get((key.body, scale))  # at another wheel, or in an output
             if found is None:
-                found = describing_function(arguments, key.body, name=name, values=self.values, scale=scale)
+                found = described(arguments, key.body, name, self.values, scale)
             if found.error <= WARNED:  # else each is warned of by its own name
                 self.made[key.body, scale] = found
             return Nonlinearity(name, key.forms, replace(found, name=name))

@@ -69,6 +69,31 @@ def test_every_function_of_the_references_is_tested():
         assert {row["fn"] for case in cases for row in value(case)} == set(table)
 
 
+AS_PYTHON = {  # with numbers and symbols as they come in Python
+    "abs(x)**1.5*sign(x)": lambda x, y: sp.Abs(x) ** 1.5 * sp.sign(x),
+    "(1 + max(x, -0.9))**(-1.4)": lambda x, y: (1 + sp.Max(x, -0.9)) ** -1.4,
+    "x**2 if x > 0.1 else -0.1*x**2": lambda x, y: sp.Piecewise((x**2, x > 0.1), (-0.1 * x**2, True)),
+    "tanh(2.5*x)": lambda x, y: sp.tanh(2.5 * x),
+    "abs(x)": lambda x, y: sp.sqrt(x**2),
+    "abs(y)*abs(x)**0.5*x": lambda x, y: sp.Abs(y) * sp.Abs(x) ** 0.5 * x,
+    "0.3*sign(x)*max(y - 0.1, 0)": lambda x, y: 0.3 * sp.sign(x) * sp.Max(y - 0.1, 0),
+    "2*max(x - 0.1, 0)": lambda x, y: 2 * cs.Element("ramp", [y], sp.Max(y - 0.1, 0))(x),
+}
+
+
+@pytest.mark.parametrize("real", [True, None])
+@pytest.mark.parametrize("text", AS_PYTHON)
+def test_an_expression_made_in_python_is_what_its_text_is(text, real):
+    x, y = sp.symbols("x y", real=real)
+    used = (x, y) if "y" in text else (x,)
+    one, other = cs.describing_function(used, AS_PYTHON[text](x, y)), describing_function((X, Y)[: len(used)], parse(text))
+    assert (one.body, one.method, one.nodes) == (other.body, other.method, other.nodes)
+    moments = ([0.2, -0.1], [0.49, 0.2, 0.8]) if "y" in text else (0.2, 0.49)
+    for mine, theirs in zip(cs.element_function(one)(*moments, []), element_function(other, ())(*moments, []), strict=True):
+        np.testing.assert_array_equal(mine, theirs)
+    assert cs.check(one).error < 1e-8
+
+
 PIECES = ["x**3", "abs(x)*x", "max(x - 0.3, 0)", "clip(2*x, -1, 0.5)", "x**2*exp(-x)", "sign(x + 0.2)*x", "heaviside(x)*x**2"]
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from reference_models import toml
 
 import cadet_sym as cs
-from cadet_sym.expectation import describing_function
+from cadet_sym.expectation import described
 
 NAMES = ("x1", "x2", "v1", "v2")
 
@@ -169,11 +169,11 @@ def test_the_variance_of_an_output_is_that_of_gaussian_samples(output):
 def test_equal_functions_at_several_wheels_and_in_outputs_are_made_once(monkeypatch):
     made = []
 
-    def counted(arguments, body, **known):
+    def counted(arguments, body, *known):
         made.append(body)
-        return describing_function(arguments, body, **known)
+        return described(arguments, body, *known)
 
-    monkeypatch.setattr("cadet_sym.linearisation.describing_function", counted)
+    monkeypatch.setattr("cadet_sym.linearisation.described", counted)
     found = split("tanh(x1)*abs(v1) + k*tanh(x2)*abs(v2)", outputs='[outputs]\nforce = "m*tanh(x1)*abs(v1)"')
     assert len(made) == 2, "that of both rates and the output, and its square in the output's variance"
     assert [each.describing.name for each in found.elements] == ["f1", "f2"]

@@ -14,10 +14,11 @@ import sympy as sp
 import cadet_sym as cs
 from cadet_sym.errors import LinearisationError, ModelError
 from cadet_sym.expectation import describing_function
+from cadet_sym.language.element import written_out
 from cadet_sym.language.expression import parse, symbol
 from cadet_sym.language.library import LIBRARY, bouc_wen, coulomb, from_library, gas_spring, saturation
 from cadet_sym.language.numeric import evaluate
-from cadet_sym.lowering.check import check, written_out
+from cadet_sym.lowering.check import check
 from cadet_sym.lowering.elements import element_function
 from cadet_sym.lowering.expressions import to_casadi
 
@@ -171,7 +172,7 @@ def test_the_check_needs_numbers_for_the_parameters():
 def test_elements_that_call_elements_are_written_out():
     inner = cs.Element("inner", ["z"], parse("abs(z)"))
     outer = cs.Element("outer", ["y"], inner(2 * symbol("y")) * symbol("y"))
-    assert written_out(outer) == parse("abs(2*y)*y")
+    assert written_out(outer.value, outer.elements) == parse("abs(2*y)*y")
 
 
 # -- expressions ------------------------------------------------------------------------------------------------------

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import sympy as sp
 
@@ -13,6 +14,9 @@ from cadet_sym.expectation.conditional import Part, products
 from cadet_sym.expectation.existence import gap, may_have_gaps
 from cadet_sym.expectation.quadrature import Wish
 from cadet_sym.expectation.tame import tamed
+from cadet_sym.language.canonical import canonical
+from cadet_sym.language.element import harvest, written_out
+from cadet_sym.language.vocabulary import symbol
 
 
 @dataclass(frozen=True)
@@ -53,11 +57,11 @@ class DescribingFunction:
 
 
 def describing_function(
-    arguments: tuple[sp.Symbol, ...],
-    body: sp.Expr,
+    arguments: Sequence[sp.Symbol],
+    body: Any,
     *,
     name: str = "",
-    values: Mapping[sp.Symbol, float] | None = None,
+    values: Mapping[Any, float] | None = None,
     scale: float = 1.0,
 ) -> DescribingFunction:
     """Turn a nonlinearity into its random-input describing function F(m, S) = E[f(z)], z ~ N(m, S).
@@ -65,17 +69,28 @@ def describing_function(
     Parameters
     ----------
     arguments : the Gaussian arguments of f.
-    body : f, in its arguments, parameters and the time.
+    body : f, an expression in its arguments, parameters, the time and elements.
     name : what to call it in messages.
     values : numbers of the parameters, if known: a quadrature chooses its order and estimates its error there.
     scale : a typical size of the arguments over ten: how far a quadrature is looked at.
 
     Raises
     ------
+    ModelError
+        If it is not an expression of the language of models.
     LinearisationError
         If no expectation exists, or there is no rule for it.
     """
-    where, numbers = f"the element `{name}`" if name else f"`{body}`", values or {}
+    own = tuple(symbol(str(argument)) for argument in arguments)
+    numbers = {symbol(str(parameter)): float(value) for parameter, value in (values or {}).items()}
+    return described(own, written_out(canonical(body), harvest([body])), name, numbers, scale)
+
+
+def described(
+    arguments: tuple[sp.Symbol, ...], body: sp.Expr, name: str, numbers: Mapping[sp.Symbol, float], scale: float
+) -> DescribingFunction:
+    """The same of what is in the language of models already; see `describing_function`."""
+    where = f"the element `{name}`" if name else f"`{body}`"
     place = None
     if numbers and body.free_symbols - set(arguments) <= numbers.keys() and may_have_gaps(body):
         place = gap(arguments, body, numbers, scale)

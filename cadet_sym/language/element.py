@@ -100,6 +100,19 @@ def harvest(expressions: Iterable[Any]) -> list[Element]:
     return list(found.values())
 
 
+def written_out(body: sp.Expr, elements: Iterable[Element]) -> sp.Expr:
+    """An expression with the values of elements in place of their calls, those that these call too."""
+    known = {e.name: e for e in elements}
+    while calls := body.atoms(ElementCall):
+        table = {}
+        for call in calls:
+            called = known[call.name]
+            known |= {e.name: e for e in called.elements}
+            table[call] = called.value.xreplace(dict(zip(called.arguments, call.arguments, strict=True)))
+        body = body.xreplace(table)
+    return body
+
+
 def declared_name(name: Any, kind: str, **where: str) -> str:
     """A name as declared, or ModelError that says why it cannot be one."""
     name = name.name if isinstance(name, sp.Symbol) else name

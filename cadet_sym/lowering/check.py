@@ -13,9 +13,8 @@ import sympy as sp
 from cadet_sym.errors import ModelError
 from cadet_sym.expectation.adaptive import easiest_order, integrate
 from cadet_sym.expectation.describing import DescribingFunction, describing_function
-from cadet_sym.language.element import Element
+from cadet_sym.language.element import Element, written_out
 from cadet_sym.language.numeric import evaluate
-from cadet_sym.language.vocabulary import ElementCall
 from cadet_sym.lowering.elements import element_function, parameters_of
 from cadet_sym.tables import Shown
 
@@ -159,23 +158,9 @@ def check_at(df: DescribingFunction, cases: Sequence[Case], budget: int, scale: 
 
 
 def _describe(element: Element, values: Mapping[str, float]) -> DescribingFunction:
-    body = written_out(element)
+    body = written_out(element.value, element.elements)
     known = {s: float(values[s.name]) for s in body.free_symbols if isinstance(s, sp.Symbol) and s.name in values}
     return describing_function(element.arguments, body, name=element.name, values=known)
-
-
-def written_out(element: Element) -> sp.Expr:
-    """The value of an element with the elements that it calls written out."""
-    known = {e.name: e for e in element.elements}
-    body = element.value
-    while calls := body.atoms(ElementCall):
-        table = {}
-        for call in calls:
-            called = known[call.name]
-            known |= {e.name: e for e in called.elements}
-            table[call] = called.value.xreplace(dict(zip(called.arguments, call.arguments, strict=True)))
-        body = body.xreplace(table)
-    return body
 
 
 def _numbers(df: DescribingFunction, values: Mapping[str, float]) -> dict[sp.Symbol, float]:

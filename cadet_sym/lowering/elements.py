@@ -12,20 +12,20 @@ from cadet_sym.lowering.joint import Joint
 
 
 @lru_cache(maxsize=512)
-def element_function(df: DescribingFunction, free: tuple[sp.Symbol, ...]) -> ca.Function:
+def element_function(df: DescribingFunction, free: tuple[sp.Symbol, ...] | None = None) -> ca.Function:
     """Compile a describing function to (m: k, S: k(k+1)/2, q: parameters) -> (F: 1, gain: k).
 
     Parameters
     ----------
     df : the describing function.
-    free : the symbols that q stands for, in that order.
+    free : the symbols that q stands for, in that order; by default those in it that are no arguments, in order of name.
 
     Returns
     -------
     A function of SX graphs, so that calls are inlined: m the means, S the covariance's lower triangle row by row; F is E[f],
     gain its gradient in the mean.
     """
-    m, S, q, env = _inputs(df, free)
+    m, S, q, env = _inputs(df, parameters_of(df) if free is None else free)
     F, gain = expectation_and_gain(df, m, S, env)
     return ca.Function("element", [m, S, q], [F, gain], ["m", "S", "q"], ["F", "gain"])
 
