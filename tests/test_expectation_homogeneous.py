@@ -17,6 +17,7 @@ from cadet_sym.expectation.homogeneous import _Cases, degree_of, with_one_rule
 from cadet_sym.expectation.polar import Homogeneous
 from cadet_sym.language.expression import parse, symbol
 from cadet_sym.language.numeric import evaluate
+from cadet_sym.lowering.check import check_at
 from cadet_sym.lowering.elements import element_function
 
 X, Y = symbol("x"), symbol("y")
@@ -136,6 +137,16 @@ def test_with_full_correlation_one_argument_is_left(text):
     one = found(alone, 0.3, 0.25)
     assert F[0] == pytest.approx(one[0], rel=1e-7)
     assert F[1] - 2 * F[2] == pytest.approx(one[1], rel=1e-6, abs=1e-7)  # along the line
+
+
+@pytest.mark.parametrize("text", ["max(min(x, y), 0)", "max(abs(x), abs(y))"])
+def test_arcs_that_are_many_deviations_long_have_nodes_enough(text):
+    """Nearly the whole of them where the mean is six to seven deviations from the origin."""
+    df = describing_function((X, Y), parse(text))
+    correlated = np.array([[1, 1.4 * 0.99999], [1.4 * 0.99999, 1.96]])
+    cases = [(np.array([0.02, -0.01]), correlated, {}), (np.array([0.146, 7e-3]), np.diag([1.0, 1e-6]), {})]
+    result = check_at(df, cases, 4_000_000)
+    assert max(result.error, result.gain_error) < 1e-9
 
 
 def test_one_argument_without_variance_leaves_the_other():

@@ -32,6 +32,7 @@ WANTED, WARNED = 1e-10, 1e-8
 FLOOR = 1e-2  # of the largest E|f| at the same distance: what an error is relative to at least
 LOST, NEARBY = 1e-6, 100.0  # error of gains that shows that a jump was not seen; deviations from the origin where it would
 RATIOS = (1e-6, 1e-3, 0.03, 0.6, 1.8, 50.0, 1e6)  # of the standard deviations
+FARTHER = ((6.5, 0.0), (-6.2, 1.8), (4.6, -4.6), (-1.8, -6.2), (0.0, -6.1))  # of independent ones: there arcs are longest
 SHAPES = (  # correlation, means in standard deviations
     (0.0, (0.0, 0.0)),
     (0.3, (0.3, -0.2)),
@@ -43,6 +44,7 @@ SHAPES = (  # correlation, means in standard deviations
     (-0.5, (70.0, -40.0)),
     (0.3, (-2e4, 0.6)),
     (0.0, (-0.9, 1e4)),
+    *((rho, (m, rho * m + np.sqrt(1 - rho * rho) * n)) for rho in (0.0, 0.999) for m, n in FARTHER),
 )
 
 
