@@ -210,8 +210,9 @@ class Gaussian:
         return Gaussian(self.m, p, self.env)
 
     def within(self, position: sp.Expr) -> ca.SX:
-        """A point in standard deviations from the mean, kept within reach."""
-        return ca.fmin(ca.fmax((self.value(position) - self.m) / self.s, -REACH), REACH)
+        """A point in standard deviations from the mean, kept within reach; just there it moves with the mean as within."""
+        u = (self.value(position) - self.m) / self.s
+        return ca.if_else(ca.fabs(u) > REACH, REACH * ca.sign(u), u)
 
     def _integral(self, part: Integral, order: int) -> ca.SX:
         if part.rate != 0:
