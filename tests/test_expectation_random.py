@@ -17,6 +17,7 @@ from nested_integrals import Truth, function_of, truth
 from cadet_sym.errors import LinearisationError
 from cadet_sym.expectation import describing_function
 from cadet_sym.language.expression import parse, symbol
+from cadet_sym.lowering.check import check_at
 from cadet_sym.lowering.elements import element_function
 from cadet_sym.lowering.measured import measured_error
 
@@ -188,6 +189,28 @@ def test_gains_of_what_changes_within_a_standard_deviation_keep_their_digits():
     found = np.array(judged.moments([*mean, *(L @ L.T)[np.tril_indices(2)]])[0]).ravel()
     wanted = truth(judged.function, judged.switches, mean, L, 1e-10)
     assert [found[0], *(L.T @ found[1:])] == pytest.approx([wanted.value, *wanted.gains], abs=1e-8 * wanted.size)
+
+
+@pytest.mark.parametrize(
+    ("text", "mean", "stds", "rho"),
+    [
+        ("clip(a*y, -max(1 - c*x, 0), max(1 - c*x, 0))", (0.2, -0.1), (5.0, 5.0), 0.999),  # two smoothed kinks over each other
+        ("log(1 + exp(x - c))*tanh(5*max(a*y - 0.3, 0))", (2.84, 2.0), (1.2, 4.5), 1.0),  # steep from a kink on
+    ],
+)
+def test_what_lies_close_to_a_kink_is_seen_beside_it(text, mean, stds, rho):
+    body, values = parse(text), {symbol(name): value for name, value in NUMBERS.items()}
+    df = describing_function((X, Y), body, values={s: values[s] for s in body.free_symbols & values.keys()})
+    covariance = np.outer(stds, stds) * np.array([[1, rho], [rho, 1]])
+    result = check_at(df, [(np.array(mean), covariance, values)], 1_000_000)
+    assert max(result.error, result.gain_error) < 1e-9
+
+
+def test_derivatives_are_right_where_an_end_is_just_within_reach():
+    """Nodes reach eight deviations from the mean: a kink there moves with it, or nothing does, but not half of each."""
+    judged, S = Judged("max(y, 0)*sqrt(max(1 - x, 0))", 2), (0.01, 0.007, 0.0196)
+    bends = [np.array(judged.moments([m, -0.1, *S])[1])[1:, :2] for m in (0.2, 0.2 + 1e-6)]
+    assert bends[0] == pytest.approx(bends[1], rel=1e-4)
 
 
 @settings(max_examples=20, deadline=None, derandomize=True)

@@ -45,6 +45,7 @@ class Crossing:
     slope: sp.Expr
     width: sp.Expr | None  # of a pole, perhaps a function of z; None for a kink
     root: bool = False  # a kink where derivatives are infinite, which is seen on every scale
+    joined: bool = False  # a pole at the kink before it
     curve: sp.Expr | None = None  # or where this polynomial of degree two in z and `symbol` is zero
     symbol: sp.Symbol | None = None  # the argument
     branch: int = 0  # -1, 1: which of the two places where the line through the means passes the curve
@@ -53,19 +54,23 @@ class Crossing:
 
 def crossings_of(inside: Sequence[DescribingFunction], z: sp.Symbol, others: tuple[int, ...]) -> tuple[list[Crossing], float]:
     """Kinks and poles in the inner arguments, where they are met in the outer one; and the error that is left."""
-    found: dict[tuple[int, sp.Expr], sp.Expr | None] = {}
+    kinks: dict[tuple[int, sp.Expr], None] = {}
+    poles: dict[tuple[int, sp.Expr], sp.Expr] = {}
     for product in (product for df in inside for product in df.products):
         for argument, position in product.kinks():
-            found.update({(others[argument], line): None for line in _lines(position)})
+            kinks.update({(others[argument], line): None for line in _lines(position)})
         for argument, position, width in product.poles():
-            found.setdefault((others[argument], position), width)
+            poles.setdefault((others[argument], position), width)
     roots = {(others[argument], line) for argument, at in _all(inside, "roots") for line in _lines(at)}
     straight, curves, places, error = [], {}, {}, FOUND_ERROR
-    for (argument, position), width in found.items():
+    for argument, position in kinks | poles:
+        width = None if (argument, position) in kinks else poles[argument, position]
         if position.is_polynomial(z) and sp.degree(position, z) <= 1:
-            slope = position.coeff(z, 1) if position.has(z) else sp.S.Zero
-            root = (argument, position) in roots
-            straight.append(Crossing(argument, sp.expand(position - slope * z), slope, width, root))
+            line = sp.expand(position)  # of what is not multiplied out coefficients are not found
+            place = Crossing(argument, line.coeff(z, 0), line.coeff(z, 1), width, (argument, position) in roots)
+            straight.append(place)
+            if width is None and (argument, position) in poles and not place.root:
+                straight.append(replace(place, width=poles[argument, position], joined=True))
         elif not position.is_number or width is None:
             error = CURVED_ERROR
             curve = _curve(position, z)
@@ -139,8 +144,10 @@ def ruled(part: Integral, crossings: tuple[Crossing, ...], *, sums: bool, plain:
     the less they vary on their own, the more of that is left.
     """
     roots = [crossing.root and not plain for crossing in crossings]
-    kinds = [(crossing.width is None and not root, root) for crossing, root in zip(crossings, roots, strict=True)]
-    places = (Steep(sp.S.Zero, sp.S.One, step=step, root=root) for step, root in kinds)
+    places = (
+        Steep(sp.S.Zero, sp.S.One, step=crossing.width is None and not root, root=root, joined=crossing.joined)
+        for crossing, root in zip(crossings, roots, strict=True)
+    )
     part = replace(part, steep=(*places, *part.steep))
     rule = WITH_POLES
     if plain:

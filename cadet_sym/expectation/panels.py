@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 
@@ -181,6 +182,7 @@ class _Place:
     centre: Number
     scale: Number  # on which the sides are graded
     over: Number  # where a step is over; far away for a pole
+    reach: Number  # how far it is seen beside another: so far, too; not at all for a pole
 
 
 class _Layout:
@@ -266,25 +268,25 @@ class _Layout:
                 wide = self.xp.frozen(wide)
                 rounded = self.xp.frozen(inside) if kind.sides == 2 else inside
                 inside = self.xp.fmin(self.xp.fmax(rounded, low), high)  # not beyond an end where f has no values
-            scale, over = (WIDEST, STEP_REACH * wide) if kind.step else (wide, WIDEST)
-            rows.append((inside, scale, over))
+            over = STEP_REACH * wide
+            if kind.joined:
+                rows[-1] = (rows[-1][0], wide, *rows[-1][2:])
+            else:
+                rows.append((inside, WIDEST, over, over) if kind.step else (inside, wide, WIDEST, 0.0))
         return [_Place(*row) for row in _sorted(rows, self.xp)]
 
     def side(self, place: _Place, other: _Place | None, length: Number, sign: int) -> list[Panel]:
         """One side of a steep place; `other` is the next one on its other side."""
-        xp, scale, over = self.xp, place.scale, place.over
+        xp, scale, ends = self.xp, place.scale, [length]
+        if self.has_steps:
+            ends.insert(0, xp.fmin(place.over, 0.45 * length))
         if other is not None:
             far = xp.fabs(place.centre - other.centre)
             scale = xp.fmin(scale, xp.sqrt(far**2 + other.scale**2))
-            rest = other.over - far
-            over = xp.fmin(over, xp.where(rest > 0, rest, WIDEST))
-        if not self.has_steps:
-            return [self.stretched(place.centre, scale, 0.0, length, sign)]
-        over = xp.fmin(over, 0.45 * length)
-        return [
-            self.stretched(place.centre, scale, 0.0, over, sign),
-            self.stretched(place.centre, scale, over, length, sign),
-        ]
+            if self.has_steps:  # either step may be over first
+                rest = xp.fmin(xp.fmax(other.reach - far, 0.0), 0.45 * length)
+                ends[:1] = xp.fmin(rest, ends[0]), xp.fmax(rest, ends[0])
+        return [self.stretched(place.centre, scale, begin, end, sign) for begin, end in pairwise([0.0, *ends])]
 
     def stretched(self, centre: Number, width: Number, start: Number, end: Number, sign: int) -> Panel:
         """From start to end away from a pole."""

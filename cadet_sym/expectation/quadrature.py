@@ -82,7 +82,8 @@ class Integral:
     @property
     def nodes(self) -> int:
         """Points at which the expression is evaluated."""
-        rule, zones = self.rule, 2 if any(place.step for place in self.steep) else 1
+        rule, places = self.rule, [place for place in self.steep if not place.joined]
+        zones = 1 + min(2, len(places)) if any(place.step for place in places) else 1
         if self.is_trapezoidal:
             return rule.order
         if any(self.singular) and not self.steep:
@@ -90,7 +91,7 @@ class Integral:
         if not self.steep:
             return rule.straight
         side = rule.panels * rule.order * zones
-        nodes = side * sum(place.sides for place in self.steep)
+        nodes = side * sum(place.sides for place in places)
         if any(self.singular) and any(place.root for place in self.steep):
             return nodes + side + 2 * rule.graded + rule.straight
         return nodes - side + 3 * rule.graded + 2 * rule.straight if any(self.singular) else nodes

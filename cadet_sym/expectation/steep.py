@@ -34,6 +34,7 @@ class Steep:
     right: bool = True
     step: bool = False  # a smoothed kink instead of a pole
     root: bool = False  # a smoothed root
+    joined: bool = False  # a pole that is not a place of its own: it lies at the step before it
 
     @property
     def sides(self) -> int:
