@@ -8,6 +8,7 @@ one), equal ones shared between equations. See Harrison & Hammond (1986), sectio
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -17,7 +18,7 @@ import sympy as sp
 from sympy.core.relational import Relational
 
 from cadet_sym.augmentation import AugmentedSystem
-from cadet_sym.errors import LinearisationError
+from cadet_sym.errors import ExpectationWarning, LinearisationError
 from cadet_sym.expectation import DescribingFunction, described
 from cadet_sym.expectation.accuracy import WARNED
 from cadet_sym.language.element import Element
@@ -25,6 +26,7 @@ from cadet_sym.language.expression import ElementCall, symbol, unparse
 from cadet_sym.language.products import multiplied_out
 from cadet_sym.language.vocabulary import Lookup
 from cadet_sym.linear_forms import MARK, Basis, LinearForm, added, local_arguments, scaled
+from cadet_sym.warning import warn
 
 __all__ = ["Nonlinearity", "OutputForm", "QuasiLinearSystem", "linearise", "readable"]
 
@@ -106,28 +108,28 @@ def linearise(system: AugmentedSystem) -> QuasiLinearSystem:
         c=sp.ImmutableMatrix(c),
         b=sp.ImmutableSparseMatrix(n, len(elements), b),
         elements=tuple(splitter.nonlinearity(key, k) for key, k in elements.items()),
-        outputs={name: _output(splitter, expression, n) for name, expression in system.outputs.items()},
+        outputs={name: _output(splitter, expression, n, f"the output `{name}`") for name, expression in system.outputs.items()},
     )
 
 
-def _output(splitter: _Splitter, expression: sp.Expr, n: int) -> OutputForm:
+def _output(splitter: _Splitter, expression: sp.Expr, n: int, where: str) -> OutputForm:
     """Split an output, and every product of two of its elements, whose expectations its variance needs."""
-    form, keys = _output_form(splitter, expression, n)
+    form, keys = _output_form(splitter, expression, n, where)
     products = {}
     for i, first in enumerate(keys):
         for j, second in enumerate(keys[: i + 1]):
             product = splitter.written_out(first) * splitter.written_out(second)
-            products[i, j] = _output_form(splitter, product, n)[0]
+            products[i, j] = _output_form(splitter, product, n, where.replace("the", "the variance of the", 1))[0]
     return OutputForm(form.linear, form.constant, form.coefficients, form.elements, products)
 
 
-def _output_form(splitter: _Splitter, expression: sp.Expr, n: int) -> tuple[OutputForm, tuple[_Key, ...]]:
+def _output_form(splitter: _Splitter, expression: sp.Expr, n: int, where: str) -> tuple[OutputForm, tuple[_Key, ...]]:
     parts = splitter.split(expression)
     row = sp.zeros(1, n)
     for j, value in parts.linear.items():
         row[j] = value
     keys = tuple(parts.terms)
-    nonlinearities = tuple(splitter.nonlinearity(key, k) for k, key in enumerate(keys))
+    nonlinearities = tuple(splitter.nonlinearity(key, k, where) for k, key in enumerate(keys))
     return OutputForm(sp.ImmutableMatrix(row), parts.constant, tuple(parts.terms.values()), nonlinearities), keys
 
 
@@ -184,24 +186,42 @@ class _Splitter:
                 self._add_nonlinear(parts, term, factor)
         return parts
 
-    def nonlinearity(self, key: _Key, number: int) -> Nonlinearity:
+    def nonlinearity(self, key: _Key, number: int, where: str = "") -> Nonlinearity:
+        """A term with its describing function; `where` is what messages call it that has no name of its own."""
         name = key.name or f"f{number + 1}"
-        arguments = local_arguments(len(key.forms))
+        where = where if where and not key.name else f"the element `{name}`"
         try:
             scale = max(form.scale(self.values) for form in key.forms)
             found = self.made.get((key.body, scale))  # at another wheel, or in an output
             if found is None:
-                found = described(arguments, key.body, name, self.values, scale)
+                with warnings.catch_warnings(record=True) as caught:
+                    warnings.simplefilter("always")
+                    found = described(local_arguments(len(key.forms)), key.body, name, where, self.values, scale)
+                self._warn_again(caught, key)
             if found.error <= WARNED:  # else each is warned of by its own name
                 self.made[key.body, scale] = found
             return Nonlinearity(name, key.forms, replace(found, name=name))
         except LinearisationError as error:
-            for argument, form in zip(arguments, key.forms, strict=True):
-                stands = shown(form.of(self.states))
-                message = error.message.replace(f"`{argument.name}`", f"`{stands}`")
-                error.message = message.replace(argument.name, stands if stands.isidentifier() else f"({stands})")
+            error.message = self._in_states(error.message, key)
             error.add_note(f"The term is `{shown(self.written_out(key))}`.")
             raise
+
+    def _warn_again(self, caught: list[warnings.WarningMessage], key: _Key) -> None:
+        for each in caught:
+            doubt = each.message
+            if isinstance(doubt, ExpectationWarning):
+                warn(ExpectationWarning(self._in_states(str(doubt), key), doubt.where, doubt.error))
+            else:
+                warnings.warn_explicit(doubt, each.category, each.filename, each.lineno)
+
+    def _in_states(self, message: str, key: _Key) -> str:
+        """What is said of local arguments, said of the states."""
+        for argument, form in zip(local_arguments(len(key.forms)), key.forms, strict=True):
+            stands = shown(form.of(self.states))
+            for left, right in ("``", "()"):
+                message = message.replace(left + argument.name + right, left + stands + right)
+            message = message.replace(argument.name, stands if stands.isidentifier() else f"({stands})")
+        return message
 
     def written_out(self, key: _Key) -> sp.Expr:
         """The term in the states again."""

@@ -111,6 +111,30 @@ def test_too_many_arguments_name_the_term():
     assert any("x1" in note for note in error.value.__notes__)
 
 
+@pytest.mark.parametrize(
+    ("output", "said"),
+    [
+        ("log(v1 + 1)", "the output `o` has no Gaussian expectation: `log(v1 + 1)` is not a real number where (v1 + 1) < 0"),
+        ("abs(v1)**-0.5", "the variance of the output `o` has no Gaussian expectation: `1/v1` is infinite at v1 = 0"),
+        ("f(v1)**-1", "the output `o` has no Gaussian expectation"),
+        ("f(v1)", "the element `f` has no Gaussian expectation: `log(v1)`"),
+    ],
+)
+def test_what_has_no_expectation_is_said_of_the_output_in_the_words_of_the_states(output, said):
+    elements = '[elements.f]\narguments = ["z"]\nvalue = "log(z)"'
+    with pytest.raises(cs.LinearisationError) as error:
+        split("-x1", elements=elements, outputs=f'[outputs]\no = "{output}"')
+    assert str(error.value).startswith(said)
+
+
+def test_a_doubtful_expectation_is_warned_of_in_the_words_of_the_states():
+    with pytest.warns(cs.ExpectationWarning) as caught:
+        split("-x1", outputs='[outputs]\no = "1/(1.01 + sin(40*(x1 - v1)))"')
+    of = [str(each.message).partition(": quadrature of ") for each in caught]
+    assert [where for where, _, _ in of] == ["the output `o`", "the variance of the output `o`"]
+    assert all("sin(-40*x1 + 40*v1)" in what for _, _, what in of)
+
+
 FACTORS = ["x1", "x2", "(x1 - x2)", "(v1 + 2*v2)", "abs(x1 - x2)", "max(v1, 0)", "k", "0.7", "sin(x1)", "(1 + x1**2)"]
 
 

@@ -83,14 +83,14 @@ def describing_function(
     """
     own = tuple(symbol(str(argument)) for argument in arguments)
     numbers = {symbol(str(parameter)): float(value) for parameter, value in (values or {}).items()}
-    return described(own, written_out(canonical(body), harvest([body])), name, numbers, scale)
+    settled = written_out(canonical(body), harvest([body]))
+    return described(own, settled, name, f"the element `{name}`" if name else f"`{settled}`", numbers, scale)
 
 
 def described(
-    arguments: tuple[sp.Symbol, ...], body: sp.Expr, name: str, numbers: Mapping[sp.Symbol, float], scale: float
+    arguments: tuple[sp.Symbol, ...], body: sp.Expr, name: str, where: str, numbers: Mapping[sp.Symbol, float], scale: float
 ) -> DescribingFunction:
-    """The same of what is in the language of models already; see `describing_function`."""
-    where = f"the element `{name}`" if name else f"`{body}`"
+    """The same of what is in the language of models already; `where` is what messages call it. See `describing_function`."""
     place = None
     if numbers and body.free_symbols - set(arguments) <= numbers.keys() and may_have_gaps(body):
         place = gap(arguments, body, numbers, scale)
