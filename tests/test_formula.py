@@ -66,3 +66,11 @@ def test_polynomials_of_several_arguments_are_isserlis_moments():
 def test_what_has_no_short_form_has_none():
     assert describing_function((z,), sp.tanh(z)).formula() is None
     assert written_out(describing_function((z,), sp.tanh(z))) == (None, ())
+
+
+def test_a_formula_of_many_pieces_is_not_for_reading():
+    def knees(count):
+        return sum((sp.Max(z - i, 0) for i in range(count)), sp.S.Zero)
+
+    assert describing_function((z,), knees(5)).formula() is not None
+    assert describing_function((z,), knees(20)).formula() is None

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 __all__ = ["expectation_formula", "tidy"]
 
+MOST_PIECES = 8  # of which a formula can be read
+
 
 def expectation_formula(describing: DescribingFunction) -> sp.Expr | None:
     """E[f] of a describing function; None if it has no closed form that is short enough to be read.
@@ -85,6 +87,8 @@ def _moment(powers: Sequence[int], means: Sequence[sp.Symbol], S: Mapping[tuple[
 
 def _of_univariate(function: Univariate, m: sp.Symbol, p: sp.Symbol) -> sp.Expr | None:
     if function.tables or function.error_functions or function.powers or function.integrals:
+        return None
+    if len(function.closed.segments) > MOST_PIECES:
         return None
     total = sp.S.Zero
     for segment in function.closed.segments:
