@@ -21,6 +21,7 @@ CLOSED = [
     "exp(x + y)", "exp(0.3*x - y)*x", "exp(0.2*x)*abs(y)", "sin(x + y)*y", "cos(x - a*y)*x*y", "erf(y - a*x)*x**2",
     "(x if x - y > c else 2*y)", "max(x - c, 0)*exp(-y/2)*y", "exp(-a*x)*(clip(y, -c, c) + x)", "abs(x - 2*y + c)*y**2",
     "sign(x)*(c + exp(-(x/a)**2)/2)*max(y, 0)", "exp(-(x - 0.5)**2 - 2*y**2)*abs(y)*x",
+    "exp(-a*x**2)*max(y, 0)",
 ]  # fmt: skip
 INTEGRATED = [
     "exp(-(x - 0.5)**2 - y)*abs(y)*tanh(x)", "max(x - 2*y, 0)**1.5*y", "tanh(x + a*y)*exp(y/2)",
@@ -63,6 +64,15 @@ def test_it_is_the_integral_at_any_correlation(text):
             assert pytest.approx(wanted.bends, abs=1e-6 * size) == L.T @ H @ L
             heat = np.array([H[0, 0] / 2, H[1, 0], H[1, 1] / 2])
             assert slopes[0, 2:] == pytest.approx(heat, abs=1e-7 * np.abs(heat).max())
+
+
+def test_a_bell_that_a_parameter_turns_over_has_an_expectation_under_small_variances_only():
+    """E exp(-a x^2) = (1 + 2 a S)^(-1/2) as long as that is a number; it factors out of what is independent."""
+    function = element_function(describe("exp(-a*x**2)*max(y, 0)"), (A, C))
+    for a, s, exists in ((1.3, 4.0, True), (-0.1, 4.0, True), (-0.1, 5.5, False)):
+        F, gain = (np.array(x).ravel() for x in function([0, 0], [s, 0, 1], [a, 0.7]))
+        assert np.isfinite([*F, *gain]).all() == exists
+        assert not exists or F[0] == pytest.approx(1 / np.sqrt((1 + 2 * a * s) * 2 * np.pi), rel=1e-12)
 
 
 WEIGHTED = ["clip(x*y, -1, 1)*w", "max(x**2 - y, 0)*w**2", "sign(x**2 - y)*x*(w - u)", "tanh(x*y)*w", "max(x, y, 1)*w"]

@@ -26,6 +26,7 @@ from cadet_sym.expectation.pieces import has_kinks
 from cadet_sym.expectation.quadratic import QuadraticPower
 from cadet_sym.expectation.quadrature import Wish
 from cadet_sym.expectation.switched import Switched
+from cadet_sym.language.numeric import evaluate
 
 if TYPE_CHECKING:
     from cadet_sym.expectation.describing import DescribingFunction
@@ -109,7 +110,7 @@ def reduced(
     found: list[Reduced] = []
     sums: dict[tuple[_Exponential, tuple[int, ...]], sp.Expr] = defaultdict(lambda: sp.S.Zero)
     for expr in exprs:
-        exponential, core = _without_exponentials(arguments, expr)
+        exponential, core = _without_exponentials(arguments, expr, wish.sample)
         powers, core = _without_powers(arguments, core)
         if exponential.acts or 0 < sum(powers) <= MOST_POWERS:
             sums[exponential, powers] += core
@@ -195,11 +196,13 @@ def _derivatives(core: DescribingFunction) -> int:
     return min(found)
 
 
-def _without_exponentials(arguments: tuple[sp.Symbol, ...], expr: sp.Expr) -> tuple[_Exponential, sp.Expr]:
+def _without_exponentials(
+    arguments: tuple[sp.Symbol, ...], expr: sp.Expr, sample: Mapping[sp.Symbol, float]
+) -> tuple[_Exponential, sp.Expr]:
     """A product as its exponentials, and all else; with that those that may grow where something cuts them off."""
     rates, bells, rest = [sp.S.Zero] * len(arguments), [], list(sp.Mul.make_args(expr))
     for factor in list(rest):
-        found = _exponent(factor.args[0], arguments) if isinstance(factor, sp.exp) else None
+        found = _exponent(factor.args[0], arguments, sample) if isinstance(factor, sp.exp) else None
         if found is None:
             continue
         own, falling, constant = found
@@ -215,7 +218,9 @@ def _without_exponentials(arguments: tuple[sp.Symbol, ...], expr: sp.Expr) -> tu
     return _Exponential(tuple(rates), tuple(bells)), sp.Mul(*rest)
 
 
-def _exponent(expr: sp.Expr, arguments: tuple[sp.Symbol, ...]) -> tuple[list[sp.Expr], list[Bell], sp.Expr] | None:
+def _exponent(
+    expr: sp.Expr, arguments: tuple[sp.Symbol, ...], sample: Mapping[sp.Symbol, float]
+) -> tuple[list[sp.Expr], list[Bell], sp.Expr] | None:
     """A sum of linear terms and squares that fall, as rates, bells and a constant; None if it is none."""
     if not expr.has(*arguments) or not expr.is_polynomial(*arguments) or sp.total_degree(expr, *arguments) > 2:
         return None
@@ -226,7 +231,9 @@ def _exponent(expr: sp.Expr, arguments: tuple[sp.Symbol, ...]) -> tuple[list[sp.
         steepness = -polynomial.coeff_monomial(z**2)
         if steepness == 0:
             continue
-        if not (steepness.is_nonnegative or (1 / steepness).is_nonnegative):  # of a real parameter squared only the one is seen
+        falls = steepness.is_nonnegative or (1 / steepness).is_nonnegative  # of a real parameter squared only the one is seen
+        decided = rates[i] == 0 and steepness.free_symbols <= sample.keys()  # the centre is, whatever the numbers
+        if not (falls or (decided and evaluate(steepness, sample) > 0)):
             return None
         bells.append(Bell(i, steepness, rates[i] / (2 * steepness)))
         constant += rates[i] ** 2 / (4 * steepness)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -60,6 +61,7 @@ class _Changed:
     def by_bell(self, i: int, b: ca.SX, centre: ca.SX) -> _Changed:
         """Times exp(-b (z_i - centre)^2)."""
         D = 1 + 2 * b * self.S[i, i]
+        D = ca.if_else(D > 0, D, math.nan)  # no number where there is none
         pull, row = 2 * b / D, self.S[i, :]
         distance = self.m[i] - centre
         S = self.S - pull * (row.T @ row)
