@@ -235,7 +235,7 @@ def _over(
     inside = max((piece.inner.error for piece in slices), default=0.0)
     error = max(error, inside) if inside >= CURVED_ERROR else error
     crossings = tuple(c for c in crossed if c.width is None or not (wish.plain or wish.lean))
-    oscillates = any(wave.has(*rest) for wave in body.atoms(sp.sin, sp.cos))
+    oscillates = any(wave.has(*rest, z) for wave in body.atoms(sp.sin, sp.cos))
     kinds = [{"sums": s.inner.nodes > 0, "plain": wish.plain, "lean": wish.lean, "waves": oscillates} for s in slices]
     ready = tuple(replace(s, part=ruled(s.part, crossings, **kind)) for s, kind in zip(slices, kinds, strict=True))
     error = PLAIN_ERROR if wish.plain else max(error, LEAN_ERROR) if wish.lean else error
