@@ -31,6 +31,7 @@ PANEL = 1.5  # length of the panel at a singular end where something else is ste
 WIDEST = 100.0  # a steep place wider or farther than this many standard deviations is none
 NARROWEST = 1e-9  # what is steeper counts as a kink
 MERGED = 1e-6  # beyond this, and twice their distance, two roots are one
+MERGED_POLE = 0.05  # the same of a pole and a singular end
 TINY = 1e-100
 STEP_REACH = 8.2  # widths beyond which a step is over to 2e-16
 SPACED = 2.0  # l, standard deviations from a pole beyond which nodes are equally spaced
@@ -193,6 +194,7 @@ class _Layout:
         self.singular = any(part.singular)
         self.has_steps = any(place.step for place in part.steep)
         self.has_roots = any(place.root for place in part.steep)
+        self.has_poles = not all(place.step for place in part.steep)
 
     # -- nothing steep --------------------------------------------------------------------------------------------
 
@@ -313,18 +315,25 @@ class _Layout:
         xp = self.xp
         length = right - end
         start = place.centre - end
-        if self.has_roots:
+        if self.has_roots or not self.has_steps:
+            merged = MERGED if self.has_roots else MERGED_POLE
             near = xp.fmin(start, length / 2)
-            far = xp.fmin(near + MERGED, right - place.centre)
+            far = xp.fmin(near + merged, right - place.centre)
+            scale = start + merged if self.has_roots else xp.fmin(place.scale, start + merged)
             return [
                 self.stretched(place.centre, place.scale, 0.0, near, 1),
                 self.graded(end, start + near, start + far),
-                self.stretched(place.centre, start + MERGED, far, right - place.centre, 1),
+                self.stretched(place.centre, scale, far, right - place.centre, 1),
             ]
+        found, begin = [], start
         over = start + xp.fmin(xp.fmin(place.over, PANEL), 0.45 * (length - start))
+        if self.has_poles:  # nearer to one than the end is, that is what nodes are laid out for
+            begin = xp.where(place.reach > 0, start, xp.fmin(2 * start, over))
+            found.append(self.stretched(place.centre, place.scale, 0.0, begin - start, 1))
         last = xp.fmin(xp.fmax(over, PANEL), length)
         return [
-            self.graded(end, start, over),
+            *found,
+            self.graded(end, begin, over),
             self.graded(end, over, last),
             self.straight(end + last, right),
         ]

@@ -92,9 +92,10 @@ class Integral:
             return rule.straight
         side = rule.panels * rule.order * zones
         nodes = side * sum(place.sides for place in places)
-        if any(self.singular) and any(place.root for place in self.steep):
+        if any(self.singular) and (zones == 1 or any(place.root for place in places)):
             return nodes + side + 2 * rule.graded + rule.straight
-        return nodes - side + 3 * rule.graded + 2 * rule.straight if any(self.singular) else nodes
+        pole = 0 if all(place.step for place in self.steep) else rule.panels * rule.order
+        return nodes - side + pole + 3 * rule.graded + 2 * rule.straight if any(self.singular) else nodes
 
     def finer(self) -> Integral:
         """The same with twice the nodes."""
