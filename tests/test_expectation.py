@@ -85,8 +85,8 @@ AS_PYTHON = {  # with numbers and symbols as they come in Python
 @pytest.mark.parametrize("text", AS_PYTHON)
 def test_an_expression_made_in_python_is_what_its_text_is(text, real):
     x, y = sp.symbols("x y", real=real)
-    used = (x, y) if "y" in text else (x,)
-    one, other = cs.describing_function(used, AS_PYTHON[text](x, y)), describing_function((X, Y)[: len(used)], parse(text))
+    used, own = ((x, y), (X, Y)) if "y" in text else (x, (X,))
+    one, other = cs.describing_function(used, AS_PYTHON[text](x, y)), describing_function(own, parse(text))
     assert (one.body, one.method, one.nodes) == (other.body, other.method, other.nodes)
     moments = ([0.2, -0.1], [0.49, 0.2, 0.8]) if "y" in text else (0.2, 0.49)
     for mine, theirs in zip(cs.element_function(one)(*moments, []), element_function(other, ())(*moments, []), strict=True):

@@ -57,7 +57,7 @@ class DescribingFunction:
 
 
 def describing_function(
-    arguments: Sequence[sp.Symbol],
+    arguments: sp.Symbol | Sequence[sp.Symbol],
     body: Any,
     *,
     name: str = "",
@@ -68,7 +68,7 @@ def describing_function(
 
     Parameters
     ----------
-    arguments : the Gaussian arguments of f.
+    arguments : the Gaussian arguments of f, or the only one.
     body : f, an expression in its arguments, parameters, the time and elements.
     name : what to call it in messages.
     values : numbers of the parameters, if known: a quadrature chooses its order and estimates its error there.
@@ -81,7 +81,8 @@ def describing_function(
     LinearisationError
         If no expectation exists, or there is no rule for it.
     """
-    own = tuple(symbol(str(argument)) for argument in arguments)
+    given = (arguments,) if isinstance(arguments, sp.Symbol) else arguments
+    own = tuple(symbol(str(argument)) for argument in given)
     numbers = {symbol(str(parameter)): float(value) for parameter, value in (values or {}).items()}
     settled = written_out(canonical(body), harvest([body]))
     return described(own, settled, name, f"the element `{name}`" if name else f"`{settled}`", numbers, scale)
