@@ -198,6 +198,9 @@ def test_gains_of_what_changes_within_a_standard_deviation_keep_their_digits():
         ("log(1 + exp(x - c))*tanh(5*max(a*y - 0.3, 0))", (2.84, 2.0), (1.2, 4.5), 1.0),  # steep from a kink on
         ("max(x, 0)**1.2*tanh(3*y)", (2.8, -4.0), (10.0, 14.0), 1.0),  # steep beyond a root
         ("max(x, 0)*sin(y)**2*sqrt(1 + y**2)", (0.2, -0.1), (10.0, 10.0), 0.999),  # many waves
+        ("max(x, 0)*(1 - exp(-abs(y)/c))*sign(y)", (0.2, -0.1), (10.0, 14.0), 1.0),  # what decays from a kink on
+        ("max(x, 0)**1.5*clip(10*y, -1, 1)", (0.2, -0.1), (10.0, 14.0), 1.0),  # two kinks beside a root
+        ("clip(x*abs(x) - y, -1, 1)", (2.8, -4.0), (10.0, 14.0), 0.999),  # two kinks on each of two curves
     ],
 )
 def test_what_lies_close_to_a_kink_is_seen_beside_it(text, mean, stds, rho):

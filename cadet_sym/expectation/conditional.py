@@ -39,6 +39,7 @@ from cadet_sym.language.vocabulary import Lookup
 
 MAX_ARGUMENTS = 3  # of a function that is not a sum of products
 MAX_TERMS = 400
+DECAYED = 3  # over the rate of an exponential: the width from which on it is nothing to nodes
 
 Integrated = Nested | Planar | Homogeneous | Switched | QuadraticPower | Reduced | Waves
 """What is left to an integral of several arguments, or reduced to what is."""
@@ -107,13 +108,17 @@ class Product:
                 yield from (part.lower, part.upper, part.value)
 
     def poles(self) -> Iterator[tuple[int, sp.Expr, sp.Expr]]:
-        """Arguments, centres and widths of poles off the line, and of error functions."""
+        """Arguments, centres and widths of poles off the line, of error functions, and of what decays from a kink on."""
         for argument, function in self.functions:
             for error in function.error_functions:
                 yield argument, -error.offset / error.slope, 1 / sp.Abs(error.slope)
             for part in function.integrals:
                 for place in part.steep:
                     yield argument, place.centre, place.width
+            for kink in function.closed.kinks:
+                for term in kink.terms:
+                    if term.rate != 0 and not term.rate.has(sp.I):
+                        yield argument, kink.position, DECAYED / sp.Abs(term.rate)
 
 
 @dataclass(frozen=True)

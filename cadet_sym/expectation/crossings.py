@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from cadet_sym.expectation.describing import DescribingFunction
 
 MAX_CROSSINGS, MAX_KNOTS = 12, 6
-MAX_CURVES, MAX_PASSES = 2, 3
+MAX_CURVES, MAX_PASSES = 4, 3
 CURVED_ERROR = 1e-4  # of gains, the largest found where kinks lie on a curve
 TURNED_ERROR = 0.03  # the same near full correlation where a measured curve has more rows than are followed
 LEAN_ERROR = 1e-3  # the same, near full correlation at ten deviations, where nodes are at kinks alone and none at poles
@@ -158,7 +158,8 @@ def ruled(part: Integral, crossings: tuple[Crossing, ...], *, sums: bool, plain:
         rule = WITH_ROOTS
     elif any(place.step for place in part.steep) or any(part.singular):
         on_curves = any(crossing.curve is not None or crossing.place is not None for crossing in crossings)
-        with_steps = WITH_STEPS if all(place.step for place in part.steep) else WITH_STEPS_AND_POLES
+        graded = any(part.singular) and len(part.steep) > 1  # from all but the first an end is seen as a pole is
+        with_steps = WITH_STEPS if all(place.step for place in part.steep) and not graded else WITH_STEPS_AND_POLES
         many = any(crossing.place is not None for crossing in crossings)
         at_ends = AT_ENDS_OF_SUMS if sums else AT_ENDS_OF_PLACES if many else AT_ENDS
         rule = (at_ends if any(part.singular) or lean else WITH_CURVES) if on_curves else with_steps

@@ -256,7 +256,8 @@ class _Layout:
                 nodes += self.away_from_end(low, place, right)
             else:
                 nodes += self.side(place, after, place.centre - left, -1) if sides.left else []
-                nodes += self.side(place, before, right - place.centre, 1) if sides.right else []
+                behind = place.centre - low if self.singular else None
+                nodes += self.side(place, before, right - place.centre, 1, behind) if sides.right else []
         return nodes
 
     def sorted_places(self, low: Number, high: Number, steep: list[tuple[Number, Number]]) -> list[_Place]:
@@ -277,9 +278,13 @@ class _Layout:
                 rows.append((inside, WIDEST, over, over) if kind.step else (inside, wide, WIDEST, 0.0))
         return [_Place(*row) for row in _sorted(rows, self.xp)]
 
-    def side(self, place: _Place, other: _Place | None, length: Number, sign: int) -> list[Panel]:
-        """One side of a steep place; `other` is the next one on its other side."""
+    def side(
+        self, place: _Place, other: _Place | None, length: Number, sign: int, behind: Number | None = None
+    ) -> list[Panel]:
+        """One side of a steep place; `other` is the next one on its other side, a singular end so far `behind`."""
         xp, scale, ends = self.xp, place.scale, [length]
+        if behind is not None:
+            scale = xp.fmin(scale, behind + MERGED)
         if self.has_steps:
             ends.insert(0, xp.fmin(place.over, 0.45 * length))
         if other is not None:
