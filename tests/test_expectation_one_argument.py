@@ -205,6 +205,14 @@ def test_a_table_is_the_function_between_its_rows(rows, outside, method):
         assert np.allclose(values(function(m, s * s, [])), values(pieces(m, s * s, [])), rtol=1e-10, atol=1e-10)
 
 
+def test_a_curve_whose_slope_is_one_may_be_multiplied():
+    unit = Lookup(Z, sp.Tuple(-1, sp.Rational(1, 3), 1, 2), sp.Tuple(-1, sp.Rational(1, 3), 3, 0), Str("hold"), Str("linear"))
+    found, wanted = (element_function(describing_function((Z,), f * sp.sign(Z)), ()) for f in (unit, unit.as_piecewise()))
+    for m, s in MOMENTS:
+        assert float(found(m, s * s, [])[0]) == pytest.approx(float(wanted(m, s * s, [])[0]), rel=1e-12)
+    assert float(found(0.5, 0, [])[0]) == pytest.approx(1.0, rel=1e-12)
+
+
 def test_a_curve_may_be_scaled_shifted_multiplied_and_squared():
     curve, c = table(12, "hold", "linear"), symbol("c")
     for body in (c * curve.subs(Z, 2 * Z - c) + Z**2, Z * curve, curve**2, sp.Abs(curve), curve * sp.Abs(Z - 1)):

@@ -86,9 +86,9 @@ def pieced(polynomials: Sequence[sp.Expr], edges: Sequence[sp.Expr], z: sp.Expr)
 def _polynomial(piece: Sequence[sp.Rational], z: sp.Expr, knot: sp.Rational) -> sp.Expr:
     """c0 + c1 (z - k) + ... as it stands: SymPy's evaluation of thousands of them would take seconds.
 
-    Unless z is a sum: one within another is no polynomial to SymPy. Numbers are put in.
+    Unless z is a sum, or a slope is 1: a sum within another is no polynomial to SymPy. Numbers are put in.
     """
-    if z.is_Add or z.is_number:
+    if z.is_Add or z.is_number or piece[1] == 1:
         return sp.Add(*(c * (z - knot) ** n for n, c in enumerate(piece)))
     d = sp.Add(z, -knot, evaluate=False) if knot != 0 else z
     terms = [piece[0]] if piece[0] != 0 else []
