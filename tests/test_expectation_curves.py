@@ -17,7 +17,7 @@ from gaussian_integrals import covariance, two
 from sympy.core.symbol import Str
 
 import cadet_sym as cs
-from cadet_sym.expectation import describing_function, nested
+from cadet_sym.expectation import describing_function
 from cadet_sym.expectation.conditional import Product
 from cadet_sym.language.expression import parse, symbol
 from cadet_sym.language.numeric import evaluate
@@ -203,19 +203,3 @@ def test_a_curve_of_many_rows_is_called_and_the_same_as_written_out(method, outs
         for found, wanted in zip(called(mean, variance), written(mean, variance), strict=True):
             wanted = np.array(wanted)
             np.testing.assert_allclose(np.array(found), wanted, rtol=1e-12, atol=1e-12 * np.abs(wanted).max())
-
-
-def test_a_curve_of_many_rows_times_a_smooth_function_is_integrated_over_the_other_argument(monkeypatch):
-    """Over the curve's own there would be two expectations a row to find, which took ten seconds."""
-    tried, over = [], nested._over
-
-    def recorded(arguments, used, outer, *more):
-        tried.append(outer)
-        return over(arguments, used, outer, *more)
-
-    monkeypatch.setattr(nested, "_over", recorded)
-    (part,) = describing_function((X, Y), curve(X, 200) * sp.tanh(Y)).products
-    assert part.outer == 1
-    assert tried == [1]
-    describing_function((X, Y), curve(X, 5) * sp.tanh(Y))
-    assert tried == [1, 1, 0]

@@ -93,8 +93,7 @@ class Product:
         """Arguments and positions of the kinks of measured curves."""
         for argument, function in self.functions:
             for table in function.tables:
-                for knot in table.knots:
-                    yield argument, (sp.Rational(knot) - table.offset) / table.slope
+                yield from ((argument, place) for place in table.places())
 
     def expressions(self) -> Iterator[sp.Expr]:
         """Whatever depends on parameters."""
@@ -352,7 +351,9 @@ def _product(term: _Term, arguments: tuple[sp.Symbol, ...], where: str, wish: Wi
     curved = any(f.has(Lookup) for _, f in term.functions)
     if len(term.functions) == 2 and curved and any(term.powers):  # would take E[f' g']
         return whole
-    functions = tuple((i, univariate(f, arguments[i], where, wish)) for i, f in term.functions)
-    if len(functions) == 2 and not all(f.is_piecewise_polynomial for _, f in functions):
-        return whole
-    return Product(term.coefficient, term.powers, functions)
+    functions: dict[int, Univariate] = {}
+    for i, f in sorted(term.functions, key=lambda function: function[1].has(Lookup)):  # curves last: they take longest
+        functions[i] = univariate(f, arguments[i], where, wish)
+        if len(term.functions) == 2 and not functions[i].is_piecewise_polynomial:
+            return whole
+    return Product(term.coefficient, term.powers, tuple(sorted(functions.items(), key=lambda function: function[0])))

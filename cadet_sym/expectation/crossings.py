@@ -15,10 +15,9 @@ from cadet_sym.expectation.steep import Steep
 if TYPE_CHECKING:
     from cadet_sym.expectation.describing import DescribingFunction
 
-MAX_CROSSINGS, MAX_KNOTS = 12, 6
+MAX_CROSSINGS = 12
 MAX_CURVES, MAX_PASSES = 4, 3
 CURVED_ERROR = 1e-4  # of gains, the largest found where kinks lie on a curve
-TURNED_ERROR = 0.03  # the same near full correlation where a measured curve has more rows than are followed
 LEAN_ERROR = 1e-3  # the same, near full correlation at ten deviations, where nodes are at kinks alone and none at poles
 LOST_ERROR = 0.1  # the same where there are too many to follow
 FOUND_ERROR = 1e-9  # the largest that these rules were found to leave, relative, up to correlation one
@@ -34,6 +33,8 @@ AT_ENDS_OF_SUMS = Rule(1, 16, straight=24, graded=20)  # where every node is a s
 TRAPEZOIDAL = Rule(order=80)
 TRAPEZOIDAL_AT_ROOT = Rule(order=120)
 WITH_POLES = Rule(order=56, straight=40)
+OF_CURVE = Rule(6, 20, cut=True)
+OF_CURVE_AND_ROOTS = Rule(12, 20, cut=True)
 
 
 @dataclass(frozen=True)
@@ -78,11 +79,8 @@ def crossings_of(inside: Sequence[DescribingFunction], z: sp.Symbol, others: tup
                 curves[argument, curve] = width
             elif width is None:
                 places[argument, position] = None
-    knots = dict.fromkeys(Crossing(others[i], at, sp.S.Zero, None) for i, at in _all(inside, "knots") if not at.has(z))
-    if len(knots) <= MAX_KNOTS:
-        straight += knots
-    else:  # a curve of many rows turns little at each: nodes for all of them would cost more than they are worth
-        error = max(error, TURNED_ERROR)
+    if next(_all(inside, "knots"), None) is not None:  # an integral over the curve's own argument is for these
+        error = LOST_ERROR
     if len(curves) + len(places) <= MAX_CURVES:
         straight += [
             Crossing(argument, sp.S.Zero, sp.S.One, width, curve=curve, symbol=_ON_CURVE, branch=branch)
@@ -96,7 +94,7 @@ def crossings_of(inside: Sequence[DescribingFunction], z: sp.Symbol, others: tup
         ]
     else:
         error = LOST_ERROR
-    return straight[:MAX_CROSSINGS], error if len(straight) <= MAX_CROSSINGS else max(error, CURVED_ERROR)
+    return straight[:MAX_CROSSINGS], error if len(straight) <= MAX_CROSSINGS else LOST_ERROR
 
 
 def _passes(place: sp.Expr, z: sp.Symbol) -> int:
@@ -113,7 +111,7 @@ def _lines(position: sp.Expr) -> tuple[sp.Expr, ...]:
 
 
 def _all(inside: Sequence[DescribingFunction], what: str) -> Iterator[tuple[int, sp.Expr]]:
-    """Arguments and positions of the roots, or the knots of measured curves, which only products of functions have."""
+    """Arguments and positions of the roots, or the knots of measured curves, of those that know any."""
     for product in dict.fromkeys(product for df in inside for product in df.products):
         yield from getattr(product, what, tuple)()
 
@@ -137,11 +135,13 @@ def _curve(position: sp.Expr, z: sp.Symbol) -> sp.Expr | None:
     return curve if curve.is_polynomial(z, y) and sp.total_degree(curve, z, y) == 2 else None
 
 
-def ruled(part: Integral, crossings: tuple[Crossing, ...], *, sums: bool, plain: bool, lean: bool, waves: bool) -> Integral:
+def ruled(
+    part: Integral, crossings: tuple[Crossing, ...], *, sums: bool, plain: bool, lean: bool, waves: bool, curved: bool
+) -> Integral:
     """The stretch with its rule and a place kept for every crossing, whose centre and width follow from the moments.
 
     `sums` is whether the expectation over the other arguments is a sum over nodes itself, `waves` whether f oscillates in them:
-    the less they vary on their own, the more of that is left.
+    the less they vary on their own, the more of that is left. `curved` is whether weights hold a measured curve.
     """
     roots = [crossing.root and not plain for crossing in crossings]
     places = (
@@ -150,7 +150,9 @@ def ruled(part: Integral, crossings: tuple[Crossing, ...], *, sums: bool, plain:
     )
     part = replace(part, steep=(*places, *part.steep))
     rule = WITH_POLES
-    if plain:
+    if curved:
+        rule = OF_CURVE_AND_ROOTS if any(place.root for place in part.steep) else OF_CURVE
+    elif plain:
         rule = PLAIN_RULE
     elif part.is_trapezoidal:
         rule = TRAPEZOIDAL_AT_ROOT if part.steep[0].root else TRAPEZOIDAL

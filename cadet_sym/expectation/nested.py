@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import combinations, pairwise
 from typing import TYPE_CHECKING
 
@@ -20,7 +21,7 @@ from cadet_sym.expectation.existence import require_expectation
 from cadet_sym.expectation.pieces import SAME, TINY, Splitter, affine, factored, has_kinks
 from cadet_sym.expectation.quadrature import PLAIN_ERROR, Integral, Wish, stretches
 from cadet_sym.expectation.steep import Steep, about_end, steep_places
-from cadet_sym.expectation.tables import written_out
+from cadet_sym.expectation.tables import Table, curve_factors, rows_in, tables_in, written_out
 from cadet_sym.language.kinks import switching_functions
 from cadet_sym.language.numeric import evaluate
 from cadet_sym.language.vocabulary import Lookup
@@ -33,7 +34,8 @@ WHOLE = Cell()
 DISTANCE = sp.Symbol("distance from an end", positive=True)  # so that what depends on its sign is decided
 INSIDE = 0.37  # how far within a cell it is looked at
 INNER_ERROR = 1e-9
-MAX_NODES = 80_000
+MAX_NODES = 100_000
+MAX_ROWS = 12  # of such a curve that is cut into its rows instead
 SINGULAR_EFFORT, WAVES_EFFORT, ROOT_EFFORT = 3, 4, 8
 
 
@@ -41,13 +43,20 @@ SINGULAR_EFFORT, WAVES_EFFORT, ROOT_EFFORT = 3, 4, 8
 class Slice:
     """A stretch of the outer argument, and on it the expectation over the others, of f and of its derivative.
 
-    Steep places of `part` are those of the crossings, then its own; these may depend on the other arguments. Where an end is
-    singular, `inner` and `slope` are functions of the distance from that end, which is exact however small.
+    A measured curve of the outer argument that multiplies f is kept apart. Steep places of `part` are those of the crossings,
+    then its own; these may depend on the other arguments. Where an end is singular, `inner` and `slope` are functions of the
+    distance from that end, which is exact however small.
     """
 
     part: Integral
     inner: DescribingFunction
     slope: DescribingFunction
+    curve: sp.Expr = sp.S.One
+
+    @cached_property
+    def table(self) -> Table | None:
+        """The curve in numbers."""
+        return None if self.curve == 1 else tables_in(self.curve, self.part.argument)[0][0]
 
     @property
     def symbol(self) -> sp.Symbol:
@@ -86,6 +95,12 @@ class Nested:
             if crossing.slope == 0 and crossing.width is None:
                 yield crossing.argument, crossing.start
 
+    def knots(self) -> Iterator[tuple[int, sp.Expr]]:
+        """Arguments and positions of the kinks of measured curves."""
+        for piece in self.slices:
+            if piece.table is not None:
+                yield from ((self.outer, place) for place in piece.table.places())
+
     def expressions(self) -> Iterator[sp.Expr]:
         """Whatever depends on parameters."""
         for piece in self.slices:
@@ -101,6 +116,11 @@ class Nested:
             if crossing.slope == 0 and crossing.width is not None:
                 symbol = self.slices[0].part.argument
                 yield crossing.argument, crossing.start, crossing.width.xreplace({symbol: sp.S.Zero})
+
+    @property
+    def has_curves(self) -> bool:
+        """Whether weights hold measured curves."""
+        return any(piece.curve != 1 for piece in self.slices)
 
     def written_with(self, change: Callable[[DescribingFunction], DescribingFunction]) -> Nested:
         """The same of scalar operations alone, its expectations over the others changed."""
@@ -131,9 +151,12 @@ def nested(arguments: tuple[sp.Symbol, ...], used: tuple[int, ...], body: sp.Exp
     body = written_out(body) if _curves_mix(body, [arguments[i] for i in used]) else body
     best: Nested | None = None
     reason: LinearisationError | None = None
-    rows = {i: _rows(body, arguments[i]) for i in used}
-    for outer in sorted(used, key=lambda i: rows[i]):
+    rows = {i: sum(rows_in(factor, arguments[i]) for _, factor in curve_factors(body, arguments[i])) for i in used}
+    inside = {i: sum(rows_in(body, arguments[j]) for j in used if j != i) for i in used}
+    for outer in sorted(used, key=lambda i: (rows[i], inside[i])):
         if best is not None and rows[outer] * FEWEST > best.effort:  # a slice for every row takes more, and long to make
+            continue
+        if best is not None and inside[outer] and best.error < LOST_ERROR:  # of which rows are not followed
             continue
         try:
             candidate = _over(arguments, used, outer, body, where, wish)
@@ -161,11 +184,6 @@ def nested(arguments: tuple[sp.Symbol, ...], used: tuple[int, ...], body: sp.Exp
 def _worth(candidate: Nested) -> tuple[bool, int]:
     """To be least: whether kinks are lost, the effort."""
     return candidate.error >= LOST_ERROR, candidate.effort
-
-
-def _rows(body: sp.Expr, z: sp.Symbol) -> int:
-    """Of measured curves in an argument."""
-    return sum(len(curve.knots) for curve in body.atoms(Lookup) if curve.has(z))
 
 
 def _refuse_surfaces(symbols: list[sp.Symbol], body: sp.Expr, where: str) -> None:
@@ -214,29 +232,43 @@ def _over(
         return describe(rest, expr, where, replace(wish, sample=sample, error=INNER_ERROR, outside=outside))
 
     splitter = Splitter(z, where, wish.outside)
-    own = body.replace(lambda e: isinstance(e, Lookup) and e.has(z), lambda e: e.as_piecewise())
-    cells = _cells(splitter, own, rest, inner, wish)
-    if cells is None:
-        return None
-    slices, met = [], []
-    for cell, value in _joined(cells):
-        require_expectation(value, cell, splitter)
-        expressions = value, _slope(value, z)
-        whole = [inner(expr, cell) for expr in expressions]
-        met.append(whole[0])
-        for lower, upper, singular in stretches(cell, value, z, rough=_is_rough(whole[0], z)):
-            steep = () if wish.plain or wish.lean else tuple(steep_places(value, z, Cell.between(lower, upper), singular))
-            steep = steep if wish.plain or any(singular) else (*steep, *_waves(value, z, rest))
-            part = Integral(lower, upper, value, z, steep, singular)
-            near = [inner(expr, cell, part.singular_end) for expr in expressions] if part.singular_end else whole
-            slices.append(Slice(part, *near))
+    met: list[DescribingFunction] = []
+
+    def slices_of(curve: sp.Expr, factor: sp.Expr) -> list[Slice] | None:
+        found = list[Slice]()
+        own = factor.replace(lambda e: isinstance(e, Lookup) and e.has(z), lambda e: e.as_piecewise())
+        cells = _cells(splitter, own, rest, inner, wish)
+        for cell, value in _joined(cells or []):
+            require_expectation(value, cell, splitter)
+            expressions = value, _slope(value, z)
+            whole = [inner(expr, cell) for expr in expressions]
+            met.append(whole[0])
+            for lower, upper, singular in stretches(cell, value, z, rough=_is_rough(whole[0], z)):
+                steep = () if wish.plain or wish.lean else tuple(steep_places(value, z, Cell.between(lower, upper), singular))
+                steep = steep if wish.plain or any(singular) else (*steep, *_waves(value, z, rest))
+                part = Integral(lower, upper, value, z, steep, singular)
+                near = [inner(expr, cell, part.singular_end) for expr in expressions] if part.singular_end else whole
+                found.append(Slice(part, near[0], near[1], curve))
+        if curve != 1 and any(any(piece.part.singular) for piece in found):  # there nodes go by the distance from an end
+            return slices_of(sp.S.One, curve * factor) if rows_in(curve, z) <= MAX_ROWS else None
+        return None if cells is None else found
+
+    slices: list[Slice] = []
+    for pair in curve_factors(body, z):
+        found = slices_of(*pair)
+        if found is None:
+            return None
+        slices += found
     steps = (Step(position, inner(change)) for position, change in _steps(slices, z))
     crossed, error = crossings_of(met, z, others)
     inside = max((piece.inner.error for piece in slices), default=0.0)
     error = max(error, inside) if inside >= CURVED_ERROR else error
     crossings = tuple(c for c in crossed if c.width is None or not (wish.plain or wish.lean))
     oscillates = any(wave.has(*rest, z) for wave in body.atoms(sp.sin, sp.cos))
-    kinds = [{"sums": s.inner.nodes > 0, "plain": wish.plain, "lean": wish.lean, "waves": oscillates} for s in slices]
+    kinds = [
+        {"sums": s.inner.nodes > 0, "plain": wish.plain, "lean": wish.lean, "waves": oscillates, "curved": s.curve != 1}
+        for s in slices
+    ]
     ready = tuple(replace(s, part=ruled(s.part, crossings, **kind)) for s, kind in zip(slices, kinds, strict=True))
     error = PLAIN_ERROR if wish.plain else max(error, LEAN_ERROR) if wish.lean else error
     return Nested(outer, others, ready, tuple(steps), crossings, error, lean=wish.lean and not wish.plain)
@@ -417,10 +449,10 @@ def _joined(cells: list[tuple[Cell, sp.Expr]]) -> Iterator[tuple[Cell, sp.Expr]]
 def _steps(slices: list[Slice], z: sp.Symbol) -> Iterator[tuple[sp.Expr, sp.Expr]]:
     changes: dict[sp.Expr, sp.Expr] = defaultdict(lambda: sp.S.Zero)
     for piece in slices:
-        if not piece.part.lower.is_infinite:
-            changes[piece.part.lower] += piece.part.value
-        if not piece.part.upper.is_infinite:
-            changes[piece.part.upper] -= piece.part.value
+        for end, side in ((piece.part.lower, 1), (piece.part.upper, -1)):
+            if not end.is_infinite:
+                curve = written_out(piece.curve).subs(z, end) if piece.curve != 1 else 1
+                changes[end] += side * curve * piece.part.value
     for position, change in changes.items():
         size = normal(change.subs(z, position))
         if size != 0 and size.is_finite is not False:

@@ -35,6 +35,7 @@ MERGED_POLE = 0.05  # the same of a pole and a singular end
 TINY = 1e-100
 STEP_REACH = 8.2  # widths beyond which a step is over to 2e-16
 SPACED = 2.0  # l, standard deviations from a pole beyond which nodes are equally spaced
+LONGEST, STEEPEST, FEWEST = 4.2, 1.6, 2  # standard deviations, and by how much exp tau grows, on a part for a polynomial
 ROOT_TWO_PI = float(np.sqrt(2 * np.pi))
 
 
@@ -77,6 +78,13 @@ class Panel:
     def rule(self) -> tuple[np.ndarray, np.ndarray]:
         """t, w."""
         return composite(self.parts, self.order)
+
+    def cuts(self, xp: Algebra) -> list[Number]:
+        """Places u that cut it for a polynomial on each part, in its own order; the last ones are its end if it takes fewer."""
+        first, last = (self.nodes(t, 0.0, xp).u for t in (0.0, 1.0))
+        needed = xp.fmax(xp.ceil(xp.fabs(last - first) / LONGEST), xp.ceil(self.length / STEEPEST))
+        needed = xp.fmin(xp.fmax(needed, FEWEST), self.parts)
+        return [first, *(self.nodes(xp.fmin(k / needed, 1.0), 0.0, xp).u for k in range(1, self.parts)), last]
 
     def nodes(self, t: Number, w: Number, xp: Algebra) -> Nodes:
         """The nodes that those on [0, 1] become."""
@@ -206,7 +214,8 @@ class _Layout:
 
     def straight(self, low: Number, high: Number) -> Panel:
         """One panel, which may be as long as the whole stretch."""
-        return Panel(_straight, (low, high), high - low, 1, self.rule.straight)
+        parts, order = (self.rule.panels, self.rule.order) if self.rule.cut else (1, self.rule.straight)
+        return Panel(_straight, (low, high), high - low, parts, order)
 
     def from_end(self, end: Number, length: Number) -> list[Panel]:
         """From a singular end inwards: a graded panel, then a straight one."""

@@ -35,11 +35,17 @@ class Rule:
     power: int = 4  # of the substitution there
     whole: bool = False  # whether that panel is the whole stretch
     hermite: bool = False  # on the whole line, Gauss-Hermite, the least for what is as smooth as the density
+    cut: bool = False  # into parts on which polynomials stand for it, at most so many a panel
 
     def finer(self) -> Rule:
         """Twice the nodes."""
         return replace(self, order=2 * self.order, straight=2 * self.straight, graded=2 * self.graded)
 
+
+FEW, NARROW = 40, 10.0
+"""Nodes on the whole line or on a side of a steep place, and how long the variable may be in which they are enough."""
+
+TYPICAL = 3  # parts that a panel is cut into where the distribution is as wide as what is steep
 
 PLAIN_RULE = Rule(panels=1, order=16, straight=20, graded=20, hermite=True)
 PLAIN_ERROR = 1e-5  # what may be expected where f changes on the scale of its arguments
@@ -72,7 +78,7 @@ class Integral:
     @property
     def is_trapezoidal(self) -> bool:
         """Whether one steep place on the whole line is taken by the trapezoidal rule."""
-        return self.is_whole_line and len(self.steep) == 1 and not self.steep[0].step
+        return self.is_whole_line and len(self.steep) == 1 and not self.steep[0].step and not self.rule.cut
 
     @property
     def has_panels(self) -> bool:
@@ -89,8 +95,8 @@ class Integral:
         if any(self.singular) and not self.steep:
             return rule.graded if rule.whole else rule.graded + rule.straight
         if not self.steep:
-            return rule.straight
-        side = rule.panels * rule.order * zones
+            return rule.order * TYPICAL if rule.cut else rule.straight
+        side = (TYPICAL if rule.cut else rule.panels) * rule.order * zones
         nodes = side * sum(place.sides for place in places)
         if any(self.singular) and (zones == 1 or any(place.root for place in places)):
             return nodes + side + 2 * rule.graded + rule.straight
@@ -100,6 +106,15 @@ class Integral:
     def finer(self) -> Integral:
         """The same with twice the nodes."""
         return replace(self, rule=self.rule.finer())
+
+    @property
+    def is_coarse(self) -> bool:
+        """Whether fewer nodes would not be enough anywhere, or there is nothing steep that they are for."""
+        return not self.steep or any(self.singular) or self.rule.panels * self.rule.order <= FEW
+
+    def coarser(self) -> Integral:
+        """The same with as few nodes as are enough where all that is steep is wide: where `NARROW` holds."""
+        return self if self.is_coarse else replace(self, rule=replace(self.rule, panels=1, order=FEW))
 
     def derivative(self) -> Integral:
         """The same for the derivative of the expression."""

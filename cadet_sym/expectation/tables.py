@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,6 +16,9 @@ from cadet_sym.language.vocabulary import Lookup
 
 HIGHEST = 6
 """Degree of the polynomials between the knots of a power of a curve that is still taken as a curve."""
+
+HIGHEST_HELD = 3
+"""The same where it is held by weights: far from a row its polynomial is as large as the distance makes it."""
 
 LONG = 24
 
@@ -48,6 +52,10 @@ class Table:
         """Degree of the polynomials."""
         return len(self.segments[0]) - 1
 
+    def places(self) -> Iterator[sp.Expr]:
+        """The knots in z."""
+        return ((sp.Rational(knot) - self.offset) / self.slope for knot in self.knots)
+
     def ends(self) -> Table:
         """The same before the first knot and beyond the last, zero between them."""
         knots, centres = (self.knots[0], self.knots[-1]), (self.centres[0], self.knots[0], self.centres[-1])
@@ -75,6 +83,30 @@ def tables_in(body: sp.Expr, z: sp.Symbol) -> tuple[tuple[Table, ...], sp.Expr]:
         else:
             tables.append(_table(curve, factor, *line, int(power)))
     return tuple(tables), sp.Add(*rest)
+
+
+def curve_factors(body: sp.Expr, z: sp.Symbol) -> Iterator[tuple[sp.Expr, sp.Expr]]:
+    """Curves read in z, or powers of them, that weights of an integral over z can hold, each with what it multiplies.
+
+    What is left is times one.
+    """
+    sums: dict[sp.Expr, sp.Expr] = defaultdict(lambda: sp.S.Zero)
+    for term in sp.Add.make_args(body):
+        curve = next((factor for factor in sp.Mul.make_args(term) if _is_held(factor, z)), sp.S.One)
+        sums[curve] += term / curve
+    yield from sums.items()
+
+
+def _is_held(factor: sp.Expr, z: sp.Symbol) -> bool:
+    if not isinstance(factor.as_base_exp()[0], Lookup) or not factor.has(z):
+        return False
+    tables, rest = tables_in(factor, z)
+    return rest == 0 and bool(tables[0].knots) and tables[0].degree <= HIGHEST_HELD
+
+
+def rows_in(body: sp.Expr, z: sp.Symbol) -> int:
+    """Rows of curves read in z."""
+    return sum(len(curve.knots) for curve in body.atoms(Lookup) if curve.has(z))
 
 
 def written_out(expr: sp.Expr) -> sp.Expr:

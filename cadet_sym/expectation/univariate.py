@@ -113,6 +113,10 @@ class Univariate:
         """The same with measured curves of scalar operations alone."""
         return replace(self, tables=tuple(replace(table, written_out=True) for table in self.tables))
 
+    def coarser(self) -> Univariate:
+        """The same with as few nodes beside steep places as are enough where these are wide for the distribution."""
+        return replace(self, integrals=tuple(part.coarser() for part in self.integrals))
+
     def kinks(self) -> tuple[sp.Expr, ...]:
         """Where the function or a derivative of it jumps, tables apart."""
         ends = (bound for part in self.integrals for bound in (part.lower, part.upper))

@@ -2,7 +2,8 @@
 
 Their nodes follow from where kinks, poles and waves are met, not from a search as those of one argument: how good they are
 depends on the function, and is looked at for the moments of a short grid. Where adaptive integration is not sure in the
-evaluations that it has, as of functions of three arguments that change fast, the same rules with twice the nodes stand for it.
+evaluations that it has, as of functions of three arguments that change fast or of curves of many rows, the same rules with
+twice the nodes stand for it.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from cadet_sym.expectation.describing import DescribingFunction
 from cadet_sym.expectation.existence import gap
 from cadet_sym.expectation.nested import Nested
 from cadet_sym.expectation.reduced import Reduced
+from cadet_sym.expectation.tables import rows_in
 from cadet_sym.language.expression import DISTANCE, SPEED, TIME, symbol
 from cadet_sym.language.numeric import evaluate
 from cadet_sym.linearisation import Nonlinearity, shown
@@ -43,6 +45,7 @@ RATIOS = (1.0, 1.4, 0.7)
 MEANS = (0.6, -0.8, 0.4)
 TOLERANCE = {2: 1e-9, 3: 1e-6}
 MOST = {2: 500_000, 3: 600_000}  # evaluations for one case
+MOST_ROWS = 24  # of a measured curve, at every one of which it would have to be cut
 UNSURE = 1e-6  # error of the reference at which it is of no use
 SAFETY = 10.0  # moments between those of the grid may be worse
 SAMPLES = 4000
@@ -174,12 +177,13 @@ def _cases(df: DescribingFunction, numbers: Mapping[sp.Symbol, float], scale: fl
     count, free, found = len(df.arguments), parameters_of(df), list[_Case]()
     if count not in GRID or not set(free) <= numbers.keys():
         return found
+    rows = max(rows_in(df.body, z) for z in df.arguments)
     for spread, rho in GRID[count]:
         stds = spread * scale * np.array(RATIOS[:count])
         mean = stds * MEANS[:count]
         covariance = rho ** np.abs(np.subtract.outer(np.arange(count), np.arange(count))) * np.outer(stds, stds)
         known, truth = {s: numbers[s] for s in free}, None
-        if not found or found[-1].truth is not None:  # else it will be no surer of larger ones
+        if rows <= MOST_ROWS and (not found or found[-1].truth is not None):  # else it will be no surer of larger ones
             truth = Truth.of(df, known, mean, covariance, TOLERANCE[count], MOST[count])
         units = _units(df, known, mean, covariance) if truth is None else truth.units
         at = mean, covariance[np.tril_indices(count)], list(known.values())

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import fields, replace
+from functools import reduce
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -18,6 +20,7 @@ from cadet_sym.lowering.crossings import MeanLine
 from cadet_sym.lowering.gaussian import Gaussian
 from cadet_sym.lowering.nodes import Frame, at_once, called, expanded, sums_at, sums_on, turned
 from cadet_sym.lowering.panels import beyond_reach, square_of_scale
+from cadet_sym.lowering.product_rule import around_mean, curve_sums, falling, is_narrow, read, square_of_row
 
 if TYPE_CHECKING:
     from cadet_sym.lowering.joint import Joint
@@ -92,8 +95,9 @@ class _Conditioning:
             point = m if end is None else upper - m if end[1] > 0 else m - lower
             point = ca.if_else(inside, point, self._somewhere(piece))
             free, (means, _, _, parameters) = self._shared(piece.symbol, piece.inner)
-            function = expanded(piece.inner, free, turned(piece))
-            total += ca.if_else(inside, function(point, p, across, means, ca.vertcat(*covariances), parameters), 0)
+            function = expanded(piece.inner, free, turned(piece), piece.table.degree if piece.table else 0)
+            curve = around_mean(piece.table, self.outer) if piece.table else ca.SX(0, 1)
+            total += ca.if_else(inside, function(point, p, across, means, ca.vertcat(*covariances), parameters, curve), 0)
         found = ca.if_else(p < least, total, ca.vertcat(F, *(gains[i] for i in (o, *nested.others))))
         return found[0], dict(zip((o, *nested.others), ca.vertsplit(found[1:]), strict=True))
 
@@ -120,6 +124,13 @@ class _Conditioning:
             end, side = place
             beyond, gap = side * (outer.value(end) - outer.m), beyond_reach(outer, end, side)
         frame = Frame(outer.m, outer.s, -high if part.singular[1] else low, beyond, gap, self._somewhere(piece))
+        if piece.table is not None:
+            free, shared = self._shared(piece.symbol, piece.inner, piece.slope)
+            cuts = (panel.cuts(CasadiAlgebra()) for panel in panels(part, low, high, steep, CasadiAlgebra()))
+            ends = [pair for several in cuts for pair in pairwise(several)]
+            known, sums = read(piece.table, outer), curve_sums(piece, free, len(ends), self.nested.written_out)
+            yield _parted(sums(falling(known, ends), is_narrow(piece, self.line), known, *shared))
+            return
         if part.has_panels and not self.nested.written_out:
             for panel in panels(part, low, high, steep, CasadiAlgebra()):
                 yield self._on_panel(piece, panel, frame, high > low)
@@ -177,7 +188,10 @@ def _square_of_scale(nested: Nested, joint: Joint) -> ca.SX | None:
     others = nested.slices[0].inner.arguments
     if any(place.width.has(*others) or place.centre.has(*others) for part in parts for place in part.steep):
         return None
-    return square_of_scale(joint.marginal(nested.outer), parts)
+    outer = joint.marginal(nested.outer)
+    squares = [square_of_row(piece.table, outer) for piece in nested.slices if piece.table]
+    smooth = square_of_scale(outer, parts)
+    return reduce(ca.fmin, squares if smooth is None else [smooth, *squares]) if smooth is not None or squares else None
 
 
 def _no_narrower(joint: Joint, o: int, least: ca.SX) -> Joint:

@@ -24,49 +24,68 @@ TOGETHER = 8  # nodes of one call, by which it is faster and larger
 
 @lru_cache(maxsize=256)
 def sums_at(
-    df: DescribingFunction, slope: DescribingFunction, free: tuple[sp.Symbol, ...], count: int, turned: int
+    df: DescribingFunction,
+    slope: DescribingFunction,
+    free: tuple[sp.Symbol, ...],
+    count: int,
+    turned: int,
+    curved: bool = False,
 ) -> ca.Function:
     """What a few nodes add, (z, u, weights, means, lean, covariances, parameters) -> sums of F, E[slope] and gains.
 
     Functions under one distribution share what they need of it. z may be the distance from an end; `turned` is its derivative
-    in the outer argument, 1 or -1.
+    in the outer argument, 1 or -1. Where weights hold a curve, its derivative times the weights follows them.
     """
     size = len(df.means)
-    z, u, weights = (ca.SX.sym(name, count) for name in ("z", "u", "weights"))
+    columns = [ca.SX.sym(name, count) for name in ("z", "u", "weights", "rates")[: 3 + curved]]
     m, lean, S = ca.SX.sym("m", size), ca.SX.sym("lean", size), ca.SX.sym("S", len(df.covariances))
     same = [m, lean, S, ca.SX.sym("q", len(free) - 1)]
-    node, total = _sums_at_one(df, slope, free, turned, same), ca.SX.zeros(2 + size)
+    node, total = _sums_at_one(df, slope, free, turned, same, curved), ca.SX.zeros(2 + size)
     for k in range(count):
-        total += node(z[k], u[k], weights[k], *same)
+        total += node(*(column[k] for column in columns), *same)
     total = ca.densify(total)
-    arguments = [z, u, weights, *same]
+    arguments = [*columns, *same]
     function = ca.Function("nodes", arguments, [total])
     return function if function.find_functions() else ca.Function("nodes", arguments, [ca.cse(total)])
 
 
 def _sums_at_one(
-    df: DescribingFunction, slope: DescribingFunction, free: tuple[sp.Symbol, ...], turned: int, same: list[ca.SX]
+    df: DescribingFunction,
+    slope: DescribingFunction,
+    free: tuple[sp.Symbol, ...],
+    turned: int,
+    same: list[ca.SX],
+    curved: bool,
 ) -> ca.Function:
     """The same of one node, written out once for all of them."""
     from cadet_sym.lowering.joint import Joint
 
-    z, u, weight = (ca.SX.sym(name) for name in ("z", "u", "weight"))
+    z, u, weight, rate = (ca.SX.sym(name) for name in ("z", "u", "weight", "rate"))
     m, lean, S, q = same
     joint = Joint(m + lean * u, S, dict(zip(free, (z, *ca.vertsplit(q)), strict=True)))
     F, gain = joint.expectation_and_gain(df)
     values = ca.vertcat(F, joint.expectation(slope) + turned * _moving_jumps(df, joint, free[0]), gain)
+    if curved:
+        values = weight * values + ca.vertcat(0, rate * F, ca.SX.zeros(len(df.means)))
+        return ca.Function("node", [z, u, weight, rate, *same], [values])
     return ca.Function("node", [z, u, weight, *same], [weight * ca.if_else(weight != 0, values, 0)])
 
 
 @lru_cache(maxsize=256)
-def expanded(df: DescribingFunction, free: tuple[sp.Symbol, ...], turned: int) -> ca.Function:
-    """(z, S_zz, S_zi, means, covariances of the others, parameters) -> E[f], gains, to second order in the outer argument."""
+def expanded(df: DescribingFunction, free: tuple[sp.Symbol, ...], turned: int, degree: int = 0) -> ca.Function:
+    """(z, S_zz, S_zi, means, covariances of the others, parameters, curve) -> E[f], gains, to second order in the outer one.
+
+    If there is a degree, f is multiplied by a polynomial of slope z + offset: `curve` are slope, offset and coefficients.
+    """
     from cadet_sym.lowering.joint import Joint
 
     size = len(df.means)
     z, p, c = ca.SX.sym("z"), ca.SX.sym("p"), ca.SX.sym("c", size)
     m, S, q = ca.SX.sym("m", size), ca.SX.sym("S", len(df.covariances)), ca.SX.sym("q", len(free) - 1)
+    curve = ca.SX.sym("curve", degree + 3 if degree else 0)
     F = Joint(m, S, dict(zip(free, (z, *ca.vertsplit(q)), strict=True))).expectation(df)
+    if degree:
+        F *= ca.polyval(ca.vertcat(*reversed(ca.vertsplit(curve[2:]))), curve[0] * z + curve[1])
 
     def across(value: ca.SX) -> ca.SX:
         return ca.dot(c, ca.gradient(value, m))
@@ -75,7 +94,7 @@ def expanded(df: DescribingFunction, free: tuple[sp.Symbol, ...], turned: int) -
     bend = turned * ca.jacobian(slope, z)
     value = F + across(slope) + (p * bend + across(across(bend))) / 2
     total = ca.vertcat(value, slope + across(bend), ca.gradient(value, m))
-    return ca.Function("expanded", [z, p, c, m, S, q], [ca.densify(total)])
+    return ca.Function("expanded", [z, p, c, m, S, q, curve], [ca.densify(total)])
 
 
 @lru_cache(maxsize=256)

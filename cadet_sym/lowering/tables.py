@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 
 NARROW, NARROW_ORDER = 2.0, 14
 """Standard deviations over which a polynomial times the density is integrated to the last digit by so many nodes."""
+
+FAR_OFF = 1e100
+"""Where a row ends that does not."""
 
 SERIES = {0.2: 12, NARROW: 31}
 """The same by so many terms of the density's series about the middle; |phi^(k)| <= 0.44 sqrt(k!)."""
@@ -93,11 +96,20 @@ def _derivatives(rows: tuple[tuple[float, ...], ...], order: int) -> np.ndarray:
 
 def polynomial_at(table: Table, mean: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Centre and coefficients of the polynomial around the mean."""
+    row = row_at(table, mean)
+    return row[2], row[3:]
+
+
+def row_at(table: Table, mean: Any) -> Any:
+    """Where the row around the mean, SX or MX, begins and ends, its centre, its coefficients."""
     if table.is_long and not table.written_out:
-        found = _around(_plain(table))(mean)
-        return found[0], found[1:]
-    here = _here(table, mean)
-    return ca.dot(here, ca.DM(table.centres)), ca.mtimes(ca.DM(table.segments).T, here)
+        return _around(plain(table))(mean)
+    return ca.mtimes(ca.DM(_rows(table)).T, _here(table, mean))
+
+
+def _rows(table: Table) -> np.ndarray:
+    knots = np.array(table.knots)
+    return np.column_stack([np.append(-FAR_OFF, knots), np.append(knots, FAR_OFF), table.centres, table.segments])
 
 
 def _here(table: Table, mean: ca.SX) -> ca.SX:
@@ -151,11 +163,11 @@ def _by_calls(table: Table, gaussian: Gaussian, order: int) -> ca.SX:
     """The same by a function that is called, of all orders up to this one, or the first, at once."""
     orders = max(order, 1) + 1
     if (table, orders) not in gaussian.curves:
-        gaussian.curves[table, orders] = _curve(_plain(table), orders)(ca.vertcat(*moments_of(table, gaussian)))
+        gaussian.curves[table, orders] = _curve(plain(table), orders)(ca.vertcat(*moments_of(table, gaussian)))
     return gaussian.curves[table, orders][order]
 
 
-def _plain(table: Table) -> Table:
+def plain(table: Table) -> Table:
     """The curve itself, read at its argument."""
     return replace(table, factor=sp.S.One, slope=sp.S.One, offset=sp.S.Zero)
 
@@ -163,15 +175,14 @@ def _plain(table: Table) -> Table:
 @lru_cache(maxsize=64)
 def _around(table: Table) -> ca.Function:
     """Mean -> centre and polynomial of the row in which it is."""
-    low, high, mean, row = ca.SX.sym("low"), ca.SX.sym("high"), ca.SX.sym("mean"), ca.SX.sym("row", table.degree + 2)
+    low, high, mean, row = ca.SX.sym("low"), ca.SX.sym("high"), ca.SX.sym("mean"), ca.SX.sym("row", table.degree + 4)
     here = ca.if_else(ca.logic_and(mean >= low, mean < high), row, 0)
     of_row = ca.Function("row", [low, high, row, mean], [here])
     at, knots = ca.MX.sym("mean"), np.array(table.knots)
-    rows = np.column_stack([table.centres, table.segments])
+    rows = _rows(table)
     low, high = (ca.DM(each).T for each in (np.append(-np.inf, knots), np.append(knots, np.inf)))
     total = of_row.map("rows", "serial", len(rows), [3], [0])(low, high, ca.DM(rows).T, at)
-    options = {"never_inline": True, "is_diff_in": [False], "is_diff_out": [False]}
-    return ca.Function("around", [at], [total], options)
+    return ca.Function("around", [at], [total], {"never_inline": True})
 
 
 @lru_cache(maxsize=64)

@@ -56,6 +56,8 @@ def in_line(df: DescribingFunction) -> DescribingFunction:
     """
 
     def changed(part: Part) -> Part:
+        if isinstance(part, Nested) and part.has_curves:  # rows times nodes, which are too many
+            return part
         if isinstance(part, Nested | Reduced):
             return part.written_with(in_line)
         return part.written_out() if isinstance(part, Product) and not part.pairs else part
