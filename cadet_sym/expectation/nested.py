@@ -34,7 +34,7 @@ WHOLE = Cell()
 DISTANCE = sp.Symbol("distance from an end", positive=True)  # so that what depends on its sign is decided
 INSIDE = 0.37  # how far within a cell it is looked at
 INNER_ERROR = 1e-9
-MAX_NODES = 100_000
+MAX_NODES = 120_000
 MAX_ROWS = 12  # of such a curve that is cut into its rows instead
 SINGULAR_EFFORT, WAVES_EFFORT, ROOT_EFFORT = 3, 4, 8
 
