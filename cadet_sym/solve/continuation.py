@@ -176,16 +176,16 @@ class _Curve:
                 return None, iteration
             try:
                 at = evaluate(self.problem(value), at.mean + dmu, at.covariance + dP)
+                if not at.finite:
+                    return None, iteration
+                size = max(relative_size(at, (dmu, dP)), abs(dp) / self.width)
+                if iteration == 1 and size > 1.0:
+                    return None, iteration
+                if (at.residual < RESIDUAL and size < STEP) or (self.rough and at.residual < NEAR and size < NEAR):
+                    return self._accepted(place, at, value, step), iteration
                 slope = slope if self.rough else self.slope(at, value)
             except (CadetError, ValueError):  # the family ends here
                 return None, iteration
-            if not at.finite:
-                return None, iteration
-            size = max(relative_size(at, (dmu, dP)), abs(dp) / self.width)
-            if iteration == 1 and size > 1.0:
-                return None, iteration
-            if (at.residual < RESIDUAL and size < STEP) or (self.rough and at.residual < NEAR and size < NEAR):
-                return self._accepted(place, at, value, step), iteration
             ahead = step - float(row @ np.append(at.theta - place.lin.at.theta, value - place.value))
             lin = LinearisedMoments(at)
         return None, 9
