@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sympy as sp
-from conftest import ROOT
+from conftest import ROOT, SHIPPED, half
 from reference_models import toml
 
 import cadet_sym as cs
@@ -71,6 +71,7 @@ points = 7
 """
 
 
+@pytest.mark.parametrize("model_file", half(SHIPPED), ids=lambda path: path.stem)
 def test_every_shipped_model_has_exact_expectations_at_the_moments_of_its_run(model_file):
     compiled = cs.compile(model_file)
     found = cs.check_run(compiled, compiled.propagate())

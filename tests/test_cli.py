@@ -8,7 +8,7 @@ from importlib.metadata import version
 
 import numpy as np
 import pytest
-from conftest import ROOT, SHIPPED, half
+from conftest import ROOT, SHIPPED, one_in
 
 import cadet_sym as cs
 from cadet_sym.arguments import one_set_each, parse_sweep
@@ -87,7 +87,7 @@ def test_moments_holds_elements_against_adaptive_integration_at_the_moments_of_t
     assert "at the moments of 3 times, 0 to 10: largest error " in text
 
 
-@pytest.mark.parametrize("model_file", half(SHIPPED), ids=lambda path: path.stem)
+@pytest.mark.parametrize("model_file", one_in(3, SHIPPED), ids=lambda path: path.stem)
 def test_show_of_every_model(model_file, run, run_json):
     found = run_json("show", model_file)
     status, text, _ = run("show", model_file)
@@ -148,7 +148,7 @@ def test_every_command_takes_measured_curves(run, run_json, tmp_path):
         assert (status, err) == (0, ""), words
 
 
-@pytest.mark.parametrize("path", half(SHIPPED))  # what is written is tested of all
+@pytest.mark.parametrize("path", one_in(3, SHIPPED))  # what is written is tested of all
 def test_export_of_models_that_ship(path, run, tmp_path):
     status, _, err = run("export", path, "--to", tmp_path / "c")
     assert status == 0, err

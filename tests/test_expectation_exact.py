@@ -144,7 +144,7 @@ def compare(function: ca.Function, case: Case, m: float, s: float) -> None:
             assert abs(value - F[k]) <= 1e-9 * max(size / mp.mpf(s) ** k, abs(F[k])), (k, m, s, value, F[k])
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(st.data())
 def test_a_random_function_is_exact_wherever_it_is_asked(data):
     case = data.draw(functions())

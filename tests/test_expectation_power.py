@@ -91,13 +91,13 @@ def test_a_power_is_found_in_sums_and_what_is_none_stays_a_quadrature():
 
 @pytest.mark.parametrize(
     "text",
-    [
+    half([
         "max(k*max(z - c, 0)**1.5*(1 + c*v), 0)",  # the contact of Hunt and Crossley, which does not stick
         "max(k*max(c - z, 0)**k*(1 + c*v), 0)",
         "max(abs(v)**0.5 - k, 0)",
         "v*max(k - abs(v)**-0.5, 0)",
         "max(k*sqrt(1 + v**2) - 3, 0)",
-    ],
+    ]),
 )
 def test_where_a_power_changes_sign_is_found(text):
     body, numbers = parse(text), {"c": 0.3, "k": 1.5}

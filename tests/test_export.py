@@ -12,7 +12,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from conftest import ROOT, SHIPPED
+from conftest import ROOT, SHIPPED, half
 from exported import Exported, build, compiler, shared, sources
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -140,12 +140,12 @@ points = 3
 
 @pytest.mark.parametrize(
     ("initial", "profile", "changed"),
-    [
+    half([
         ('ground = "smooth"', "", {"k": 20.0, "L": 1.1, "V0": 2.0}),
         ('ground = "stationary"\nx = "h_1"', "", {"k": 20.0, "L": 1.1}),
         ('ground = "stationary"\nx = "h_1"', 'profile = "0.1 if s < -0.2 else 0"', {}),
         ('whole = "stationary"', "", {"k": 20.0, "L": 1.1}),
-    ],
+    ]),
     ids=["smooth", "stationary", "profile", "whole"],
 )
 def test_every_kind_of_start(initial, profile, changed, tmp_path):

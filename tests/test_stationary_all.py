@@ -89,7 +89,7 @@ def scan(name, low=-5.0, high=5.0):
     return sorted((m, float(np.exp(2 * u))) for m, u in found)
 
 
-@pytest.mark.parametrize("name", one_in(3, WELLS))
+@pytest.mark.parametrize("name", one_in(4, WELLS))
 def test_every_solution_that_a_scan_finds_is_found(name):
     f, a, Q, load = WELLS[name]
     expected = scan(name)

@@ -121,7 +121,7 @@ def test_threads_that_make_a_models_functions_at_once_get_the_same_numbers(engin
 def test_threads_keep_each_to_its_own_engine_and_failure():
     """Some points are stiff, some overflow, and go through SUNDIALS, whose output is caught from the whole process."""
     model = toml(MODEL.replace("0.4*v", "d*v").replace("e = 0.1", "e = 0.1\nd = 0.4"))
-    values, before = {"d": [0.4, 1e5, 0.4, 0.5, 2e5], "e": [0.1, 0.1, -50.0, 0.1, 0.1]}, sys.stdout
+    values, before = {"d": [0.4, 1e5, 0.4, 2e5], "e": [0.1, 0.1, -50.0, 0.1]}, sys.stdout
     serial = sweep(model, values, kind="samples", workers=1, progress=False)
     threads = sweep(model, values, kind="samples", workers=4, progress=False)
     assert serial.failures == threads.failures
@@ -157,7 +157,7 @@ def test_runs_at_once_are_those_of_each_alone():
     assert len(engines) > 1
 
 
-@pytest.mark.parametrize("count", [1, 2, 37])
+@pytest.mark.parametrize("count", [1, 2, 12])
 def test_threads_that_share_runs_out_give_the_numbers_of_one(count):
     """Among them some that are stiff, and one that fails."""
     compiled = cs.compile(toml(MODEL.replace("0.4*v", "d*v").replace("e = 0.1", "e = 0.1\nd = 0.4")))
