@@ -64,11 +64,13 @@ def find_cycle(lowered: MomentFunctions, start: Start, period: float) -> Cycle:
         If there is no cycle to be found, or a state drifts.
     """
     _check(lowered, start.p, period)
+    y: Array  # of what type arrays in loops are takes long to find out
+    M: Array
     y, periods, size = _march(lowered, start, period)
     left, M = np.inf, np.eye(len(y))
     for step in range(STEPS + 1):
         end, M = _period(lowered, start, y, period, size)
-        gap = end - y
+        gap: Array = end - y
         left = float(np.abs(gap / size).max())
         if left < CLOSE:
             return _accepted(lowered, Cycle(y, _multipliers(M), left, step, periods))
