@@ -75,6 +75,7 @@ class SolverError(CadetError):
     """
 
     exit_status = 1
+    partial: Any  # of a run that broke down: what it had reached
 
     def __init__(self, message: str, **details: Any):
         super().__init__(message)

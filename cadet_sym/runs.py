@@ -149,7 +149,7 @@ def run_all(
         found = _with_wheel_errors(functions, found, p, end)
     for k, error in found.failures.items():
         if isinstance(error, SolverError) and isinstance(partial := error.details.get("partial"), Trajectory):
-            error.partial = error.details["partial"] = _named(made, partial, p[k], derivatives)  # type: ignore[attr-defined]
+            error.partial = error.details["partial"] = _named(made, partial, p[k], derivatives)
     return Runs(names, p, found, outputs, derivatives)
 
 

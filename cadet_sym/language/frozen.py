@@ -15,7 +15,7 @@ class FrozenDict(Mapping[K, V]):
     __slots__ = ("_entries",)
 
     def __init__(self, entries: Mapping[K, V] | Iterable[tuple[K, V]] = (), **named: V):
-        self._entries: dict[K, V] = dict(entries, **named)  # type: ignore[arg-type]
+        self._entries: dict[K, V] = dict(entries, **named)
 
     def __getitem__(self, key: K) -> V:
         return self._entries[key]

@@ -98,7 +98,8 @@ class Ground:
         if width is not None:
             return replace(self, coherence=Coherence.isotropic(tracks, width))
         top, bottom = (tuple(canonical(c) for c in part) for part in (numerator, denominator))
-        return replace(self, coherence=Coherence((*tracks,), top, bottom))  # type: ignore[arg-type]
+        pair: Any = (*tracks,)  # that they are two is looked at there
+        return replace(self, coherence=Coherence(pair, top, bottom))
 
     def filters(self, track: str) -> tuple[tuple[str, ShapingFilter, int], ...]:
         """What the height along a track is the sum of: (virtual track, filter, weight); one, itself, if it is alone."""

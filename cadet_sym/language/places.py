@@ -56,7 +56,7 @@ class Places:
         return what + did_you_mean(name, states)
 
     def _scope(self, place: str, allowed: Iterable[str], **more: object) -> Scope:
-        return replace(Scope(place, self.kinds, frozenset(allowed)), **more)  # type: ignore[arg-type]
+        return replace(Scope(place, self.kinds, frozenset(allowed)), **more)
 
     def parameter(self) -> Scope:
         """Value of a parameter."""

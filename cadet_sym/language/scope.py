@@ -110,7 +110,7 @@ class Scope:
             _raise(self.call_refusal(call.name, len(call.arguments)), call.name)
         bare = expr.replace(lambda e: isinstance(e, der), lambda e: sp.Integer(0)) if inner else expr
         for free in sorted(bare.free_symbols, key=str):
-            name = "t" if free == TIME else "s" if free == DISTANCE else free.name  # type: ignore[attr-defined]
+            name = "t" if free == TIME else "s" if free == DISTANCE else free.name
             _raise(self.refusal(name), name)
 
     def _near(self, name: str, *, calls: bool = False) -> str:

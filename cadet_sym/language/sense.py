@@ -88,7 +88,7 @@ def _start(model: Model, known: Mapping[sp.Symbol, float]) -> None:
 
 def _semidefinite(matrix: np.ndarray, what: str, **where: str) -> None:
     if not np.isfinite(matrix).all():
-        raise ModelError(f"{what} is not finite", **where)  # type: ignore[arg-type]
+        raise ModelError(f"{what} is not finite", **where)
     # scaled to unit diagonal, so that states of different sizes are judged alike
     size = np.sqrt(np.abs(np.diag(matrix)))
     size = np.where(size > 0, size, np.sqrt(np.abs(matrix).max(initial=0.0)) or 1.0)
@@ -97,7 +97,7 @@ def _semidefinite(matrix: np.ndarray, what: str, **where: str) -> None:
         raise ModelError(
             f"{what} is not positive semidefinite: scaled to unit variances, its smallest eigenvalue is "
             f"{smallest:.3g}. A variance is negative, or too small for its covariances",
-            **where,  # type: ignore[arg-type]
+            **where,
         )
 
 

@@ -81,8 +81,9 @@ def unit_value(text: str) -> tuple[sp.Expr, Dimension]:
                 raise ModelError(f"the unit `{text}` is not known{did_you_mean(name, UNITS)}", token=text)
             power = int(match.group(2) or 1) * (-1 if position else 1)
             value *= UNITS[name][0] ** power
-            dimension = tuple(d + power * u for d, u in zip(dimension, UNITS[name][1], strict=True))
-    return value, dimension  # type: ignore[return-value]
+            length, mass, time = (d + power * u for d, u in zip(dimension, UNITS[name][1], strict=True))
+            dimension = length, mass, time
+    return value, dimension
 
 
 def conversion(text: str, kind: str = "") -> sp.Expr:

@@ -28,8 +28,8 @@ class MachineCode:
 
     def function(self, name: str, *types: Any, returns: Any = None) -> Any:
         """A function to be called with ctypes' types; it keeps this record alive."""
-        function = ctypes.CFUNCTYPE(returns, *types)(self.addresses[name])
-        function.code = self  # type: ignore[attr-defined]
+        function: Any = ctypes.CFUNCTYPE(returns, *types)(self.addresses[name])
+        function.code = self
         return function
 
 

@@ -72,10 +72,10 @@ def write_program(
     texts = ["\n".join([_advance(body, step, layout), _record(body, out, layout), ""]) for layout in body.layouts]
     return Program(
         *texts,
-        constants=tuple(step.constants),  # type: ignore[arg-type]
-        coefficients=tuple(step.coefficients),  # type: ignore[arg-type]
-        record_constants=tuple(out.constants),  # type: ignore[arg-type]
-        record_coefficients=tuple(out.coefficients),  # type: ignore[arg-type]
+        constants=tuple(step.constants),
+        coefficients=tuple(step.coefficients),
+        record_constants=tuple(out.constants),
+        record_coefficients=tuple(out.coefficients),
         rule=rule,
         kicks=separated.kicks,
         time_noises=noises,

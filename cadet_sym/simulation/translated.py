@@ -57,7 +57,7 @@ def _forget(function: Callable[..., Any]) -> bool:
     try:
         fresh: Any = numba.njit(cache=True, **_OPTIONS)(function)
         for dispatcher in (*_KEPT, fresh):
-            dispatcher._cache.flush()  # pyright: ignore[reportAttributeAccessIssue]
+            dispatcher._cache.flush()
     except Exception:
         return False
     return True

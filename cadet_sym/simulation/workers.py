@@ -89,7 +89,8 @@ def records_in_parts(plan: Plan, engine: str, seed: int, count: int) -> tuple[np
     with ThreadPoolExecutor() as pool:
         jobs = [pool.submit(records_of, plan, engine, seed, a, b - a) for a, b in pairwise(bounds)]
         found = [job.result() for job in jobs]
-    return tuple(np.concatenate([each[k] for each in found], axis=-1) for k in (0, 1))  # type: ignore[return-value]
+    first, second = (np.concatenate([each[k] for each in found], axis=-1) for k in (0, 1))
+    return first, second
 
 
 def run_groups(task: Task, paths: range, executor: Executor | None, threads: int | None) -> Iterator[GroupResult]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -93,6 +94,7 @@ class _Elements:
     """theta -> F, gain and their derivatives, evaluated in buffers."""
 
     def __init__(self, function: ca.Function, held: Conditions) -> None:
+        self.buffer: Any  # by its types the size is to be said too
         self.buffer, self.trigger = function.buffer()
         self.inputs = [
             np.zeros(function.nnz_in(0)),
@@ -101,9 +103,9 @@ class _Elements:
         ]
         self.results = [np.zeros(function.nnz_out(k)) for k in range(4)]
         for k, value in enumerate(self.inputs):
-            self.buffer.set_arg(k, memoryview(value))  # type: ignore[reportCallIssue]: `size` is not asked for
+            self.buffer.set_arg(k, memoryview(value))
         for k, value in enumerate(self.results):
-            self.buffer.set_res(k, memoryview(value.data))  # type: ignore[reportCallIssue]
+            self.buffer.set_res(k, memoryview(value.data))
         self.slopes = [_placement(function.sparsity_out(k)) for k in (2, 3)]
         self.shapes = [function.size_out(k) for k in (2, 3)]
 

@@ -258,7 +258,7 @@ def _eigenvalues_near(response: Response, shift: complex) -> list[complex]:
         mu = mu - means * (response.pushes @ dtheta[K:])
         return np.concatenate([mu, X - covariances * (response.kicks @ (slope @ dtheta))])
 
-    operator = LinearOperator((size, size), matvec=apply, dtype=complex)  # pyright: ignore[reportCallIssue]
+    operator = LinearOperator((size, size), matvec=apply, dtype=complex)
     start = np.random.default_rng(0).standard_normal(size) + 0j
     try:
         inverse = eigs(operator, k=4, v0=start, return_eigenvectors=False, tol=1e-8, maxiter=30)
