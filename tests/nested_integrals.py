@@ -64,7 +64,7 @@ class _Arrays(ast.NodeTransformer):
         return reduce(lambda a, b: ast.BinOp(a, op, b), rest, first)
 
     def visit_Call(self, node: ast.Call) -> ast.expr:
-        name, arguments = node.func.id, [self.visit(each) for each in node.args]  # type: ignore[attr-defined]
+        name, arguments = node.func.id, [self.visit(each) for each in node.args]
         if name in ("abs", "sign", "heaviside", "sqrt", "log"):
             self.switches.append(ast.unparse(arguments[0]))
         for i in range(1, len(arguments) if name in ("min", "max", "clip") else 0):
@@ -90,7 +90,7 @@ def function_of(
     body = writer.visit(ast.parse(text, mode="eval").body)
     for name, (z, f) in (curves or {}).items():
         words[name] = lambda x, z=z, f=f: _read(x, z, f)
-        for call in (each for each in ast.walk(body) if isinstance(each, ast.Call) and each.func.id == name):  # type: ignore[attr-defined]
+        for call in (each for each in ast.walk(body) if isinstance(each, ast.Call) and each.func.id == name):
             writer.switches += [f"{ast.unparse(call.args[0])} - {knot}" for knot in z[1:-1]]
 
     def made(source: str) -> Function:

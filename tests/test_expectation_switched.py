@@ -117,7 +117,7 @@ def test_the_curvature_in_the_variance_is_half_that_in_the_mean_where_nothing_va
 
 def test_a_fixed_order_says_what_it_leaves():
     df = describe("clip(x*y, -1, 1)")
-    fixed = replace(df, products=tuple(with_order(product, 48, {}) for product in df.products))  # type: ignore[arg-type]
+    fixed = replace(df, products=tuple(with_order(product, 48, {}) for product in df.products))
     assert df.error < fixed.error < 1e-4
     moments = [0.3, -0.4], [1.0, 0.5, 1.0], []
     wanted, found = (element_function(each, ())(*moments) for each in (df, fixed))

@@ -82,7 +82,7 @@ def stranger(x: Vector) -> int:
 def changeling(n: int) -> int:
     """Changes a type."""
     for k in range(n):
-        n = k + 0.5  # type: ignore[assignment]
+        n = k + 0.5
     return n
 
 

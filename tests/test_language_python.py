@@ -184,9 +184,9 @@ def test_run_is_given_whole_or_in_parts():
 def test_a_model_is_a_value():
     model = undercarriage()
     with pytest.raises(dataclasses.FrozenInstanceError):
-        model.name = "other"  # type: ignore[misc]
+        model.name = "other"
     with pytest.raises(TypeError):
-        model.parameters["r"] = Parameter(1)  # type: ignore[index]
+        model.parameters["r"] = Parameter(1)
     assert dataclasses.replace(model, name="other") == model
     assert dataclasses.replace(model, noise=None, duration=5).run.duration == 5
 
@@ -226,7 +226,7 @@ def test_a_frozen_dictionary_is_a_mapping():
     ("make", "words"),
     [
         (lambda: Vehicle(rates={}), "at least one state"),
-        (lambda: Vehicle(rates=[x]), "mapping of names"),  # type: ignore[arg-type]
+        (lambda: Vehicle(rates=[x]), "mapping of names"),
         (lambda: Vehicle(rates={"x": "v"}), "a SymPy expression is wanted, not str"),
         (lambda: Vehicle(rates={x: sp.I * x}), "not in the language"),
         (lambda: Vehicle(rates={x: sp.gamma(x)}), "not in the language"),
@@ -234,7 +234,7 @@ def test_a_frozen_dictionary_is_a_mapping():
         (lambda: Vehicle(rates={x: v, sp.Symbol("x", positive=True): v}), "declared twice"),
         (lambda: Vehicle(rates={x: v}, contacts={h: 0.0}), "a Contact is wanted"),
         (lambda: Vehicle(rates={x: v}, elements={"a": oleo}), "an Element of that name"),
-        (lambda: Contact(track=3), "track of a contact"),  # type: ignore[arg-type]
+        (lambda: Contact(track=3), "track of a contact"),
         (lambda: Element("oleo", [], z), "no argument"),
         (lambda: Element("der", [z], z), "reserved"),
         (lambda: Element("f", [z], "z"), "a SymPy expression is wanted"),
@@ -246,7 +246,7 @@ def test_a_frozen_dictionary_is_a_mapping():
         (lambda: Run(points=1), "2 or more"),
         (lambda: Run(rtol=0), "between 0 and 1"),
         (lambda: Run(duration="ten"), "number or a SymPy expression"),
-        (lambda: Initial(ground="rough"), "stationary"),  # type: ignore[arg-type]
+        (lambda: Initial(ground="rough"), "stationary"),
         (lambda: Initial(whole=True, ground="smooth"), "leave the other initial values out"),
         (lambda: Initial(covariance={(x, v): 1, (v, x): 1}), "given twice"),
         (lambda: Initial(covariance={x: 1}), "two states"),
@@ -292,7 +292,7 @@ def test_each_error_has_the_exit_status_of_whose_fault_it_is():
     assert [e("x").exit_status for e in (ModelError, LinearisationError, SolverError, ExportError)] == [2, 2, 1, 1]
     assert issubclass(LinearisationError, ModelError)
     error = SolverError("no", time=1.0, state="x")
-    assert (error.details, error.time) == ({"time": 1.0, "state": "x"}, 1.0)  # type: ignore[attr-defined]
+    assert (error.details, error.time) == ({"time": 1.0, "state": "x"}, 1.0)
 
 
 def test_an_error_is_placed_once_and_points_at_its_name():

@@ -195,7 +195,7 @@ def test_the_ground_has_a_scope_of_its_own():
         ('kind = "exponential"\nsigma = 1.0\ncutoff = 0.2', 'kind = "shaping_filter"\nheight = "h"'),
         ("[travel]", '[ground.rates]\nh = "p"\np = "-a*p - h + gamma*w"\n[ground.noise]\nw = 1.0\n[travel]'),
     )
-    road = loads(text).ground.shaping_filter()  # type: ignore[union-attr]
+    road = loads(text).ground.shaping_filter()
     assert road.states == ("height", "slope", "p")
 
 
@@ -599,7 +599,7 @@ def test_any_words_and_any_number_survive_the_round_trip(name, text, unit, value
 
     from cadet_sym.language.model import Parameter
 
-    model = replace(loads(DUFFING), name=name, text=text, parameters={"Q": 0.2, "p": Parameter(parse("1"), unit, text)})  # type: ignore[arg-type]
+    model = replace(loads(DUFFING), name=name, text=text, parameters={"Q": 0.2, "p": Parameter(parse("1"), unit, text)})
     model = model.with_parameters({"p": value})
     again = loads(model.to_toml())
     assert again == model
