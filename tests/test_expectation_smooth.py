@@ -22,7 +22,7 @@ from cadet_sym.lowering.elements import element_function
 
 X, Y = symbol("x"), symbol("y")
 TEXTS = [
-    "tanh(x*y)", "x/((1 + x**2 + y**2)*sqrt(2 + x**2))",
+    "tanh(x*y)", "x*tanh(x*y)/(1 + x**2 + y**2)",
     "y*log(0.1 + x**2 + y**2)**2", "tanh(x)*tanh(y)", "tanh(x + y**2)", "tanh(x + x*y)*y**2",
     "y*tanh(x*y - 1)", "log(1 + x**2*y**2)", "log((x - 1)**2 + (y + 2)**2 + 0.1)**2", "exp(tanh(x*y))",
 ]  # fmt: skip
@@ -180,15 +180,6 @@ def test_a_model_runs_and_is_kept(tmp_path, monkeypatch):
         for e in np.eye(5)
     ]
     assert np.array(J(0, y, [1.0])) == pytest.approx(np.hstack(differences), abs=1e-6)
-
-
-@pytest.mark.slow
-def test_a_model_is_exported_as_scalar_operations(tmp_path):
-    path = tmp_path / "model.toml"
-    path.write_text(MODEL.format(k=1.0))
-    cs.compile(cs.load(path)).export_c(tmp_path / "c")
-    (rate,) = (tmp_path / "c").glob("*_rate.c")
-    assert "tanh" in rate.read_text()
 
 
 def test_the_error_claimed_is_that_at_other_moments_too():
