@@ -32,6 +32,7 @@ SHAPES = (  # ratio of the standard deviations, correlation, means in standard d
     (2.0, 0.5, (0.0, 0.0)),
     (0.5, -0.95, (0.0, 0.0)),
     (2.0, 0.999999, (-0.4, 0.9)),
+    (1.4, 1 - 1e-12, (0.0, 0.0)),  # where two poles that the line passes are one
     (0.85, 0.3, (0.3, -0.4)),
     (0.6, -0.2, (0.9, 0.5)),
 )
