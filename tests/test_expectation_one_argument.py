@@ -205,6 +205,16 @@ def test_a_table_is_the_function_between_its_rows(rows, outside, method):
         assert np.allclose(values(function(m, s * s, [])), values(pieces(m, s * s, [])), rtol=1e-10, atol=1e-10)
 
 
+@pytest.mark.parametrize("text", ["sin(x)**2 - 1.3*atan(2*x)", "cos(3*x) + sqrt(1 + x**2)"])
+def test_waves_beside_what_takes_nodes_keep_their_closed_form_at_any_variance(text):
+    body, x = parse(text), symbol("x")
+    whole, *alone = (element_function(describing_function((x,), part), ()) for part in (body, *sp.Add.make_args(body)))
+    for s in (1.0, 15.0, 300.0):
+        found, parts = whole(2.5, s * s, []), [each(2.5, s * s, []) for each in alone]
+        for k in range(2):
+            assert float(found[k]) == pytest.approx(sum(float(part[k]) for part in parts), rel=1e-8, abs=1e-12)
+
+
 def test_a_curve_whose_slope_is_one_may_be_multiplied():
     unit = Lookup(Z, sp.Tuple(-1, sp.Rational(1, 3), 1, 2), sp.Tuple(-1, sp.Rational(1, 3), 3, 0), Str("hold"), Str("linear"))
     found, wanted = (element_function(describing_function((Z,), f * sp.sign(Z)), ()) for f in (unit, unit.as_piecewise()))

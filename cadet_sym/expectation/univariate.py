@@ -152,15 +152,23 @@ def univariate(body: sp.Expr, z: sp.Symbol, where: str, wish: Wish) -> Univariat
         require_expectation(value, cell, splitter)
         found, value = error_functions_in(value, cell, z)
         error_functions.extend(found)
-        parts = decompose(value, z)
-        if parts is not None and _is_summable(parts, cell):
-            known.append((cell.lower, cell.upper, cell.condition, parts))
-        else:
-            cells.append((cell, value))
-            parts_left.extend(integrals(cell, value, z, where, wish))
+        for summand in _apart_from_waves(value, z):
+            parts = decompose(summand, z)
+            if parts is not None and _is_summable(parts, cell):
+                known.append((cell.lower, cell.upper, cell.condition, parts))
+            else:
+                cells.append((cell, summand))
+                parts_left.extend(integrals(cell, summand, z, where, wish))
     closed = piecewise_form(known)
     jumps = tuple(_jumps(closed, cells, z))
     return Univariate(closed, jumps, _apart(known, cells, z), tables, tuple(error_functions), powers, tuple(parts_left))
+
+
+def _apart_from_waves(value: sp.Expr, z: sp.Symbol) -> Iterator[sp.Expr]:
+    """Summands in closed form that oscillate, which nodes for the rest do not see at large variance; the rest."""
+    waves = [term for term in sp.Add.make_args(value) if term.has(sp.sin, sp.cos) and decompose(term, z) is not None]
+    rest = value - sp.Add(*waves)
+    yield from (each for each in (sp.Add(*waves), rest) if each != 0)
 
 
 def _apart(known: Sequence[_Known], cells: Iterable[tuple[Cell, sp.Expr]], z: sp.Symbol) -> Apart | None:
