@@ -150,10 +150,16 @@ def _sums_on(
     inputs = [ca.MX.sym(f"x{k}", node.size1_in(k)) for k in range(2, 8)]
     rule = [ca.reshape(ca.DM(x), together, count // together) for x in composite(parts, order)]
     total = node.map("many", "serial", count // together, list(range(2, 8)), [0])(*rule, *inputs)
-    many, none = (ca.Function(name, inputs, [x]) for name, x in (("many", total), ("none", ca.MX.zeros(*total.shape))))
+    many, none = (ca.Function(name, inputs, [x]) for name, x in (("many", total), ("none", nothing(inputs, total.numel()))))
     there = ca.MX.sym("there")
     total = ca.Function.conditional("panel", [none], many)(there, *inputs)
     return ca.Function("nested", [there, *inputs], [total], {"never_inline": True})
+
+
+def nothing(inputs: list[ca.MX], size: int) -> ca.MX:
+    """Zeros that CasADi does not know to be zero: functions that one is chosen from have entries in the same places."""
+    total = sum((ca.sum1(each) for each in inputs if each.numel()), start=ca.MX(0))
+    return ca.repmat(ca.fmax(ca.fmin(total, 0), 1) - 1, size, 1)
 
 
 def at_once(count: int) -> int:

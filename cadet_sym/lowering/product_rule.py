@@ -27,7 +27,7 @@ from cadet_sym.expectation.nested import Slice
 from cadet_sym.expectation.panels import REACH, SPACED, density
 from cadet_sym.expectation.quadrature import NARROW
 from cadet_sym.lowering.algebra import CasadiAlgebra
-from cadet_sym.lowering.nodes import at_once, sums_at
+from cadet_sym.lowering.nodes import at_once, nothing, sums_at
 from cadet_sym.lowering.tables import plain, row_at
 
 if TYPE_CHECKING:
@@ -70,17 +70,11 @@ def curve_sums(piece: Slice, free: tuple[sp.Symbol, ...], parts: int, in_line: b
     if in_line:
         some = ca.Function("part", inputs, [ca.if_else(there, part(*inputs), 0)])
     else:
-        none = ca.Function("none", inputs, [_nothing(inputs, part.size1_out(0))])
+        none = ca.Function("none", inputs, [nothing(inputs, part.size1_out(0))])
         some = ca.Function("part", inputs, [ca.Function.conditional("part", [none], part)(there, *inputs)])
     ends, same = ca.MX.sym("ends", 2, parts), inputs[1:]
     total = some.map("parts", "serial", parts, list(range(1, part.n_in())), [0])(ends, *same)
     return ca.Function("nested", [ends, *same], [total], {} if in_line else {"never_inline": True})
-
-
-def _nothing(inputs: list[ca.MX], size: int) -> ca.MX:
-    """Zeros that CasADi does not know to be zero: functions that one is chosen from have entries in the same places."""
-    total = sum((ca.sum1(each) for each in inputs if each.numel()), start=ca.MX(0))
-    return ca.repmat(ca.fmax(ca.fmin(total, 0), 1) - 1, size, 1)
 
 
 def falling(known: ca.SX, ends: list[tuple[ca.SX, ca.SX]]) -> ca.SX:
