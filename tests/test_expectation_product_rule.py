@@ -43,6 +43,7 @@ FUNCTIONS = {  # a curve and what it is multiplied by, where that has kinks or i
     "read backwards, with a kink of its own": (curve(1 - 2 * X, 40), parse("abs(x - 0.2)*atan(y)"), [0.0]),
     "with a jump of its own": (curve(X, 25), parse("sign(x - 0.1)*tanh(y)"), [0.0]),
     "squared": (curve(X, 25) ** 2, parse("tanh(y)"), [0.0]),
+    "monotone and squared": (curve(X, 40, "hold", "monotone") ** 2, parse("tanh(y)"), [0.0]),
     "scaled and shifted": (A * curve(A * X - 1, 20), parse("tanh(y)"), [0.0]),
     "two steep places": (curve(X, 40), parse("atan(5*y)*tanh(y - 1)"), [0.0, 1.0]),
     "across both": (curve(X, 40), parse("tanh(x*y)"), [0.0]),
@@ -140,6 +141,19 @@ def test_without_variance_the_curve_is_evaluated_and_derivatives_are_its_own(nam
             assert jacobian[0, 4] == pytest.approx(f * bends[2] / 2, rel=1e-6, abs=1e-8)
         wanted = f * one(lambda y, x=mean[0]: values(factor, x + 0 * y, y), mean[1], 0.8, special)[0]
         assert float(function([*mean, 0, 0, 0.64])[0]) == pytest.approx(wanted, rel=1e-7)
+
+
+@pytest.mark.parametrize("method", ["linear", "monotone"])
+def test_without_correlation_it_is_the_product_of_two_expectations_at_any_scale(method):
+    table, factor = curve(X, 200, "hold", method), sp.tanh(Y)
+    both = element_function(describing_function((X, Y), table * factor), ())
+    one_of, other = (element_function(describing_function((z,), f), ()) for z, f in ((X, table), (Y, factor)))
+    for sx, sy in ((1e-3, 1.0), (1.0, 0.3), (30.0, 3.0), (1e4, 1.0)):
+        (E, slope), (G, rate) = one_of(0.3, sx**2, []), other(0.2, sy**2, [])
+        value, gain = both([0.3, 0.2], [sx**2, 0, sy**2], [])
+        assert float(value) == pytest.approx(float(E * G), rel=1e-9, abs=1e-10)
+        wanted = [float(slope * G) * sx, float(E * rate) * sy]
+        assert np.array(gain).ravel() * (sx, sy) == pytest.approx(wanted, rel=1e-8, abs=1e-9)
 
 
 def test_a_curve_without_kinks_is_a_straight_line():

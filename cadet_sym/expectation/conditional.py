@@ -31,7 +31,7 @@ from cadet_sym.expectation.squares import MAX_ARGUMENTS as MAX_OF_POWERS
 from cadet_sym.expectation.squares import quadratic_powers
 from cadet_sym.expectation.switched import Switched
 from cadet_sym.expectation.switching import switched
-from cadet_sym.expectation.tables import written_out
+from cadet_sym.expectation.tables import rows_in, written_out
 from cadet_sym.expectation.univariate import Univariate, univariate
 from cadet_sym.expectation.waves import Waves, waves
 from cadet_sym.language.products import multiplied_out
@@ -206,7 +206,14 @@ def _integrated(
 def _smooth(
     arguments: tuple[sp.Symbol, ...], used: tuple[int, ...], body: sp.Expr, where: str, wish: Wish
 ) -> tuple[Nested | Planar, ...]:
-    return planar(arguments, used, body, wish) or (nested(arguments, used, body, where, wish),)
+    """Terms with measured curves of different arguments each by themselves: the integral is over the argument of a curve."""
+    groups: dict[frozenset[sp.Symbol], sp.Expr] = defaultdict(lambda: sp.S.Zero)
+    for term in sp.Add.make_args(body):
+        groups[frozenset(arguments[i] for i in used if rows_in(term, arguments[i]))] += term
+    found: list[Nested | Planar] = []
+    for group in groups.values():
+        found.extend(planar(arguments, used, group, wish) or (nested(arguments, used, group, where, wish),))
+    return tuple(found)
 
 
 # -- separation -------------------------------------------------------------------------------------------------------

@@ -17,9 +17,6 @@ from cadet_sym.language.vocabulary import Lookup
 HIGHEST = 6
 """Degree of the polynomials between the knots of a power of a curve that is still taken as a curve."""
 
-HIGHEST_HELD = 3
-"""The same where it is held by weights: far from a row its polynomial is as large as the distance makes it."""
-
 LONG = 24
 
 DEGREE = {"linear": 1, "monotone": 3}
@@ -101,7 +98,7 @@ def _is_held(factor: sp.Expr, z: sp.Symbol) -> bool:
     if not isinstance(factor.as_base_exp()[0], Lookup) or not factor.has(z):
         return False
     tables, rest = tables_in(factor, z)
-    return rest == 0 and bool(tables[0].knots) and tables[0].degree <= HIGHEST_HELD
+    return rest == 0 and bool(tables[0].knots)
 
 
 def rows_in(body: sp.Expr, z: sp.Symbol) -> int:

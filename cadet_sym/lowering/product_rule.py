@@ -2,19 +2,17 @@
 
 On a part of the line, on which x runs from -1 to 1, the smooth function is the polynomial through its values at the n nodes of
 Gauss and Legendre, and the integral of that against the curve is exact (product integration; A. Young, Proc. R. Soc. A 224
-(1954), 552): the sum over the nodes with the curve f replaced by its expansion in the Legendre polynomials of degree below n.
-With p the polynomial that f is where the part begins, and its i-th derivative changing by i! c_ki at row k, passed at x_k,
+(1954), 552): the sum over the nodes with the curve f replaced by its expansion in the Legendre polynomials of degree below n,
 
-    f^n(x) = p(x) + sum_m (m + 1/2) P_m(x) sum_k sum_i c_ki int_{x_k}^1 (x' - x_k)^i P_m(x') dx'.
+    f^n(x) = sum_m (m + 1/2) P_m(x) int_{-1}^1 f(x') P_m(x') dx',
 
-The sums over the rows are found once for all nodes of a part.
+whose coefficients are sums over the rows, found once for all nodes of a part. The same holds for f', which the gain takes.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from math import factorial
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -24,11 +22,11 @@ import sympy as sp
 from cadet_sym.expectation.conditional import Product
 from cadet_sym.expectation.describing import DescribingFunction
 from cadet_sym.expectation.nested import Slice
-from cadet_sym.expectation.panels import REACH, SPACED, density
+from cadet_sym.expectation.panels import REACH, SPACED, density, legendre
 from cadet_sym.expectation.quadrature import NARROW
 from cadet_sym.lowering.algebra import CasadiAlgebra
 from cadet_sym.lowering.nodes import at_once, nothing, sums_at
-from cadet_sym.lowering.tables import plain, row_at
+from cadet_sym.lowering.tables import plain, row_at, rows_of
 
 if TYPE_CHECKING:
     from cadet_sym.expectation.tables import Table
@@ -128,9 +126,10 @@ class _Part:
         """Of u in x."""
         return (self.ends[1] - self.ends[0]) / 2
 
-    def u(self, x: ca.SX) -> ca.SX:
-        """Where x is on the line."""
-        return self.ends[0] + self.slope * (x + 1)
+    @property
+    def fall(self) -> ca.SX:
+        """Of what the curve is read at, in x."""
+        return self.known[3] * self.slope
 
     def read_at(self, u: ca.SX) -> ca.SX:
         """What the curve is read at."""
@@ -153,19 +152,16 @@ def _on_part(piece: Slice, free: tuple[sp.Symbol, ...], in_line: bool) -> ca.Fun
     sums = several[0]
     narrow, given = ca.MX.sym("narrow"), [ca.MX.sym("ends", 2), ca.MX.sym("read", READ)]
     same = [ca.MX.sym(f"same{k}", sums.size1_in(k)) for k in range(4, 8)]
-    start = ca.Function("start", [part.ends, part.known], [part.read_at(part.ends[0])])(*given)
-    passed, knots = _passed(table, part, order), np.array(table.knots)
-    changes = [ca.DM(knots).T, ca.DM(np.array(table.changes)[:, 1:]).T]
-    change = passed.map("rows", "serial", len(knots), [2, 3], [0])(*changes, *given)
+    curve = _by_changes(table, part, order) if table.degree == 1 else _by_rows(table, part, order, in_line)
     together = sums.size1_in(0)
     x, w = np.polynomial.legendre.leggauss(order)
     expanded = np.polynomial.legendre.legvander(x, order - 1) * (np.arange(order) + 0.5)
     columns = [ca.DM(column.reshape(order // together, -1).T) for column in (x, w, expanded)]
-    inputs = [row_at(table, start)[2:], change, *given, *same]
+    inputs = [curve(*given), *given, *same]
     symbols = [ca.MX.sym(f"x{k}", *each.shape) for k, each in enumerate(inputs)]
     totals: list[ca.Function] = []
     for each in several:
-        node = _nodes(table, part, order, each)
+        node = _nodes(part, order, each)
         total = node.map("nodes", "serial", order // together, list(range(3, 3 + len(inputs))), [0])(*columns, *symbols)
         totals.append(ca.Function("sums", symbols, [total]))
     total = totals[0](*inputs)
@@ -174,46 +170,83 @@ def _on_part(piece: Slice, free: tuple[sp.Symbol, ...], in_line: bool) -> ca.Fun
     return ca.Function("part", [given[0], narrow, given[1], *same], [total])
 
 
-def _passed(table: Table, part: _Part, order: int) -> ca.Function:
-    """(a row, its changes, ends, `read`) -> Legendre's coefficients of what it adds to the curve and to its derivative.
+def _by_changes(table: Table, part: _Part, order: int) -> ca.Function:
+    """(ends, `read`) -> Legendre's coefficients of f^n and of that of the derivative, for a curve of straight lines.
 
-    With I_1 the integral of P_m from x to 1 and I_j that of I_{j-1}, the integral of (x' - x)^i P_m(x') is i! I_{i+1}, and
+    With I_1 the integral of P_m from x to 1 and I_2 that of I_1, the integral of (x' - x) P_m(x') is I_2, and
     (2 m + 1) I_{j+1,m} = I_{j,m-1} - I_{j,m+1}.
     """
-    knot, own, degree = ca.SX.sym("knot"), ca.SX.sym("change", table.degree), table.degree
+    knot, change = ca.SX.sym("knot"), ca.SX.sym("change")
     first, last = (part.read_at(end) for end in ca.vertsplit(part.ends))
     is_passed = ca.logic_and(first >= knot, knot > last)
-    x, scale = ca.if_else(is_passed, part.passes(knot), 1), part.slope * part.known[3]
-    below: list[ca.SX] = [ca.SX(1), x]
-    for m in range(1, order + degree):
-        below.append(((2 * m + 1) / (m + 1)) * x * below[m] - (m / (m + 1)) * below[m - 1])
-    value, rate, first = ca.SX.zeros(order), ca.SX.zeros(order), 1 - x
-    for j in range(1, degree + 2):
-        integrals = [first, *((below[m - 1] - below[m + 1]) / (2 * m + 1) for m in range(1, len(below) - 1))]
-        column = ca.vertcat(*integrals[:order])
-        if j > 1:
-            value += factorial(j - 1) * own[j - 2] * scale ** (j - 1) * column
-        if j <= degree:
-            rate += factorial(j) * own[j - 1] * scale ** (j - 1) * column
-        below, first = integrals, first * (1 - x) / (j + 1)
-    added = ca.if_else(is_passed, -ca.vertcat(value, rate), 0)
-    return ca.Function("passed", [knot, own, part.ends, part.known], [ca.cse(added)])
+    x = ca.if_else(is_passed, part.passes(knot), 1)
+    P = _legendre(x, order + 2)
+    once = [1 - x, *((P[m - 1] - P[m + 1]) / (2 * m + 1) for m in range(1, order + 1))]
+    twice = [(1 - x) ** 2 / 2, *((once[m - 1] - once[m + 1]) / (2 * m + 1) for m in range(1, order))]
+    added = -change * ca.vertcat(*(part.fall * value for value in twice), *once[:order])
+    passed = ca.Function("passed", [knot, change, part.ends, part.known], [ca.cse(ca.if_else(is_passed, added, 0))])
+    line, start = ca.SX.sym("line", 3), part.read_at(part.ends[0])
+    middle = line[1] + line[2] * (start + part.fall - line[0])
+    none = ca.SX.zeros(order - 2)
+    along = ca.vertcat(2 * middle, 2 * line[2] * part.fall / 3, none, 2 * line[2], 0, none)
+    straight = ca.Function("straight", [line, part.ends, part.known], [along])
+    begin = ca.Function("begin", [part.ends, part.known], [start])
+    given = [ca.MX.sym("ends", 2), ca.MX.sym("read", READ)]
+    rows = [ca.DM(np.array(each)).T for each in (table.knots, [change[1] for change in table.changes])]
+    changes = passed.map("rows", "serial", len(table.knots), [2, 3], [0])(*rows, *given)
+    return ca.Function("curve", given, [straight(row_at(table, begin(*given))[2:], *given) + changes])
 
 
-def _nodes(table: Table, part: _Part, order: int, sums: ca.Function) -> ca.Function:
-    """(x, w, Legendre polynomials there, p, coefficients, ends, `read`, as `sums_at`) -> what a few nodes add."""
+def _by_rows(table: Table, part: _Part, order: int, in_line: bool) -> ca.Function:
+    """The same for a curve of polynomials, on every row by Gauss and Legendre's rule that is exact for it times P_m.
+
+    What changes at a row is not seen from afar: its powers would cancel where rows are narrow for the distribution.
+    """
+    low, high, row = ca.SX.sym("low"), ca.SX.sym("high"), ca.SX.sym("row", table.degree + 2)
+    first, last = (part.read_at(end) for end in ca.vertsplit(part.ends))
+    begin = ca.if_else(high <= first, part.passes(high), -1)
+    end = ca.if_else(low > last, part.passes(low), 1)
+    powers = [(n, row[1 + n]) for n in range(table.degree, -1, -1)]
+    value, rate = ca.vertcat(*(c for _, c in powers)), ca.vertcat(*(n * c for n, c in powers[:-1]))
+    total = ca.SX.zeros(2 * order)
+    for t, w in zip(*legendre((order + table.degree) // 2 + 1), strict=True):
+        x = begin + (end - begin) * t
+        z = first + part.fall * (x + 1) - row[0]
+        P = ca.vertcat(*_legendre(x, order))
+        total += (end - begin) * w * ca.vertcat(ca.polyval(value, z) * P, ca.polyval(rate, z) * P)
+    inputs = [low, high, row, part.ends, part.known]
+    is_met = ca.logic_and(low <= first, high > last)
+    if in_line:
+        of_row = ca.Function("row", inputs, [ca.if_else(is_met, total, 0)])
+    else:
+        met, found = ca.Function("met", inputs, [is_met]), ca.Function("row", inputs, [total])
+        symbols = [ca.MX.sym(f"x{k}", *each.shape) for k, each in enumerate(inputs)]
+        none = ca.Function("none", symbols, [nothing(symbols, 2 * order)])
+        of_row = ca.Function("row", symbols, [ca.Function.conditional("row", [none], found)(met(*symbols), *symbols)])
+    given = [ca.MX.sym("ends", 2), ca.MX.sym("read", READ)]
+    rows = rows_of(table)
+    columns = [ca.DM(each).T for each in (rows[:, 0], rows[:, 1], rows[:, 2:])]
+    return ca.Function("curve", given, [of_row.map("rows", "serial", len(rows), [3, 4], [0])(*columns, *given)])
+
+
+def _legendre(x: ca.SX, count: int) -> list[ca.SX]:
+    """The first so many Legendre polynomials."""
+    P = [ca.SX(1), x]
+    for m in range(1, count - 1):
+        P.append(((2 * m + 1) / (m + 1)) * x * P[m] - (m / (m + 1)) * P[m - 1])
+    return P[:count]
+
+
+def _nodes(part: _Part, order: int, sums: ca.Function) -> ca.Function:
+    """(x, w, Legendre polynomials there, coefficients, ends, `read`, as `sums_at`) -> what a few nodes add."""
     together = sums.size1_in(0)
     x, w, expanded = ca.SX.sym("x", together), ca.SX.sym("w", together), ca.SX.sym("P", together * order)
-    row, change = ca.SX.sym("row", table.degree + 2), ca.SX.sym("change", 2 * order)
+    curve = ca.SX.sym("curve", 2 * order)
     same = [ca.SX.sym(f"same{k}", sums.size1_in(k)) for k in range(4, 8)]
     mean, s, _, _, slope, factor = ca.vertsplit(part.known)
-    u = part.u(x)
-    z = part.read_at(u) - row[0]
+    u = part.ends[0] + part.slope * (x + 1)
     P = ca.reshape(expanded, order, together).T
-    value, rate = (ca.mtimes(P, each) for each in (change[:order], change[order:]))
-    powers = [(n, row[1 + n]) for n in range(table.degree, -1, -1)]
-    value += ca.polyval(ca.vertcat(*(c for _, c in powers)), z)
-    rate += ca.polyval(ca.vertcat(*(n * c for n, c in powers[:-1])), z)
     weight = factor * ca.fabs(part.slope) * w * density(u, CasadiAlgebra())
-    total = sums(mean + s * u, u, weight * value, slope * weight * rate, *same)
-    return ca.Function("nodes", [x, w, expanded, row, change, part.ends, part.known, *same], [total])
+    value, rate = (weight * ca.mtimes(P, each) for each in (curve[:order], curve[order:]))
+    total = sums(mean + s * u, u, value, slope * rate, *same)
+    return ca.Function("nodes", [x, w, expanded, curve, part.ends, part.known, *same], [total])

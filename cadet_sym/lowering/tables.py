@@ -104,10 +104,11 @@ def row_at(table: Table, mean: Any) -> Any:
     """Where the row around the mean, SX or MX, begins and ends, its centre, its coefficients."""
     if table.is_long and not table.written_out:
         return _around(plain(table))(mean)
-    return ca.mtimes(ca.DM(_rows(table)).T, _here(table, mean))
+    return ca.mtimes(ca.DM(rows_of(table)).T, _here(table, mean))
 
 
-def _rows(table: Table) -> np.ndarray:
+def rows_of(table: Table) -> np.ndarray:
+    """Where rows begin and end, their centres, their coefficients, (rows, 4 + degree)."""
     knots = np.array(table.knots)
     return np.column_stack([np.append(-FAR_OFF, knots), np.append(knots, FAR_OFF), table.centres, table.segments])
 
@@ -179,7 +180,7 @@ def _around(table: Table) -> ca.Function:
     here = ca.if_else(ca.logic_and(mean >= low, mean < high), row, 0)
     of_row = ca.Function("row", [low, high, row, mean], [here])
     at, knots = ca.MX.sym("mean"), np.array(table.knots)
-    rows = _rows(table)
+    rows = rows_of(table)
     low, high = (ca.DM(each).T for each in (np.append(-np.inf, knots), np.append(knots, np.inf)))
     total = of_row.map("rows", "serial", len(rows), [3], [0])(low, high, ca.DM(rows).T, at)
     return ca.Function("around", [at], [total], {"never_inline": True})
