@@ -14,6 +14,8 @@ from scipy.linalg import expm
 
 import cadet_sym as cs
 from cadet_sym.errors import ModelError, SolverError
+from cadet_sym.language.expression import parse, symbol
+from cadet_sym.language.modelfile import loads
 from cadet_sym.packing import Packing
 from cadet_sym.solve import choice, stiff
 from cadet_sym.solve.evaluate import _roomy, gains_over, results, results_over, results_shared
@@ -339,3 +341,28 @@ def test_many_runs_start_as_each_alone_whichever_parameters_differ(path, shipped
         p[:, column] *= (1.0, 1.01, 1.02)
         alone = [initial_moments(compiled.functions, own[None])[0] for own in p]
         np.testing.assert_array_equal(initial_moments(compiled.functions, p), alone)
+
+
+@pytest.mark.parametrize("text", ["tanh(x)**2", "sqrt(1 + x**2)"])
+def test_a_variance_that_rounding_alone_leaves_is_not_followed(text):
+    """The gain of an even function is zero: what sums over nodes leave of it made every step too long."""
+    model = f"""
+schema = 1
+name = "what drifts with the square"
+[rates]
+x = "-x + u"
+v = "-v + {text}"
+[noise]
+u = 1.0
+[run]
+duration = 0.5
+points = 2
+"""
+    moments = cs.compile(loads(model)).propagate()
+    assert moments.std["v"][-1] < 1e-12
+    function = cs.element_function(cs.describing_function(symbol("x"), parse(text)))
+    t, w = np.polynomial.legendre.leggauss(20)
+    t, w = (t + 1) / 4, w / 4
+    variances = (1 - np.exp(-2 * t)) / 2
+    wanted = sum(b * np.exp(a - 0.5) * float(function(0, p, [])[0]) for a, b, p in zip(t, w, variances, strict=True))
+    assert moments.mean["v"][-1] == pytest.approx(wanted, rel=1e-7)

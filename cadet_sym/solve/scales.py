@@ -15,6 +15,7 @@ Array = npt.NDArray[np.float64]
 
 
 NOTHING = 1e-70
+ROUNDING = 1e-13  # of a mean: a deviation that sums over nodes leave, and no integrator can follow
 """Less than this is zero: its square underflows."""
 
 FEW_TIMES = 100.0
@@ -50,12 +51,12 @@ def most_steps(size: int) -> int:
 def peaks(y: Array, packing: Packing) -> Array:
     """Largest size of every moment over a run (k, size): standard deviations, and their products for covariances.
 
-    A mean counts at least as large as its state's standard deviation. What has no deviation, as without any noise, counts as
-    large as its mean; what stays at zero gets a size from its fellows.
+    A mean counts at least as large as its state's standard deviation. What has no deviation, as without any noise, or the one
+    that rounding leaves where a gain is zero, counts as large as its mean; what stays at zero gets a size from its fellows.
     """
     n = packing.n
     deviation, means = np.sqrt(np.abs(y[:, packing.diagonal]).max(axis=0)), np.abs(y[:, :n]).max(axis=0)
-    deviation = np.where(deviation > NOTHING, deviation, means)
+    deviation = np.where(deviation > np.maximum(NOTHING, ROUNDING * means), deviation, means)
     deviation = np.where(deviation > NOTHING, deviation, np.max(deviation, initial=0.0) * 1e-3)
     deviation = np.where(deviation > NOTHING, deviation, 1.0)
     mean = np.maximum(means, deviation)
