@@ -121,12 +121,12 @@ def test_with_full_correlation_one_argument_is_left():
 
 @pytest.mark.parametrize("stds", [(1.0, 1.0), (3.0, 3.0), (10.0, 7.0)])
 @pytest.mark.parametrize("rho", [1.0, -1.0])
-def test_with_full_correlation_two_poles_may_be_one(stds, rho):
+@pytest.mark.parametrize("text", ["tanh(x*y)", "x*tanh(x*y)*y"])
+def test_with_full_correlation_two_poles_may_be_one(text, stds, rho):
     """Where both means are zero the line through them passes x y = 0 twice at the same place."""
-    for text in ("tanh(x*y)", "x*tanh(x*y)*y"):
-        function, f = element_function(describe(text), ()), parse(text)
-        wanted, _ = one(lambda u: evaluate(f, {X: stds[0] * u, Y: rho * stds[1] * u}), 0.0, 1.0, [0.0])  # noqa: B023
-        assert float(function([0, 0], covariance(stds, rho), [])[0]) == pytest.approx(wanted, rel=1e-8)
+    function, f = element_function(describe(text), ()), parse(text)
+    wanted, _ = one(lambda u: evaluate(f, {X: stds[0] * u, Y: rho * stds[1] * u}), 0.0, 1.0, [0.0])
+    assert float(function([0, 0], covariance(stds, rho), [])[0]) == pytest.approx(wanted, rel=1e-8)
 
 
 def test_a_kink_may_stand_at_a_parameter():

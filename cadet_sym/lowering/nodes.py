@@ -150,13 +150,24 @@ def _sums_on(
     inputs = [ca.MX.sym(f"x{k}", node.size1_in(k)) for k in range(2, 8)]
     rule = [ca.reshape(ca.DM(x), together, count // together) for x in composite(parts, order)]
     total = node.map("many", "serial", count // together, list(range(2, 8)), [0])(*rule, *inputs)
-    many, none = (ca.Function(name, inputs, [x]) for name, x in (("many", total), ("none", nothing(inputs, total.numel()))))
-    there = ca.MX.sym("there")
-    total = ca.Function.conditional("panel", [none], many)(there, *inputs)
-    return ca.Function("nested", [there, *inputs], [total], {"never_inline": True})
+    there, some = ca.MX.sym("there"), passed_over(ca.Function("panel", inputs, [total]))
+    return ca.Function("nested", [there, *inputs], [some(there, *inputs)], {"never_inline": True})
 
 
-def nothing(inputs: list[ca.MX], size: int) -> ca.MX:
+def passed_over(function: ca.Function, *, in_line: bool = False) -> ca.Function:
+    """(is there anything, inputs) -> what a function of columns gives, which is not evaluated where there is nothing.
+
+    In line it is, and multiplied by zero.
+    """
+    inputs = [ca.MX.sym(f"x{k}", function.size1_in(k)) for k in range(function.n_in())]
+    there, name = ca.MX.sym("there"), function.name()
+    if in_line:
+        return ca.Function(name, [there, *inputs], [ca.if_else(there, function(*inputs), 0)])
+    none = ca.Function("none", inputs, [_nothing(inputs, function.size1_out(0))])
+    return ca.Function(name, [there, *inputs], [ca.Function.conditional(name, [none], function)(there, *inputs)])
+
+
+def _nothing(inputs: list[ca.MX], size: int) -> ca.MX:
     """Zeros that CasADi does not know to be zero: functions that one is chosen from have entries in the same places."""
     total = sum((ca.sum1(each) for each in inputs if each.numel()), start=ca.MX(0))
     return ca.repmat(ca.fmax(ca.fmin(total, 0), 1) - 1, size, 1)

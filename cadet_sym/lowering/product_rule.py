@@ -25,7 +25,7 @@ from cadet_sym.expectation.nested import Slice
 from cadet_sym.expectation.panels import REACH, SPACED, density, legendre
 from cadet_sym.expectation.quadrature import NARROW
 from cadet_sym.lowering.algebra import CasadiAlgebra
-from cadet_sym.lowering.nodes import at_once, nothing, sums_at
+from cadet_sym.lowering.nodes import at_once, passed_over, sums_at
 from cadet_sym.lowering.tables import plain, row_at, rows_of
 
 if TYPE_CHECKING:
@@ -65,11 +65,7 @@ def curve_sums(piece: Slice, free: tuple[sp.Symbol, ...], parts: int, in_line: b
     part = _on_part(piece, free, in_line)
     inputs = [ca.MX.sym(f"x{k}", part.size1_in(k)) for k in range(part.n_in())]
     there = inputs[0][1] != inputs[0][0]
-    if in_line:
-        some = ca.Function("part", inputs, [ca.if_else(there, part(*inputs), 0)])
-    else:
-        none = ca.Function("none", inputs, [nothing(inputs, part.size1_out(0))])
-        some = ca.Function("part", inputs, [ca.Function.conditional("part", [none], part)(there, *inputs)])
+    some = ca.Function("part", inputs, [passed_over(part, in_line=in_line)(there, *inputs)])
     ends, same = ca.MX.sym("ends", 2, parts), inputs[1:]
     total = some.map("parts", "serial", parts, list(range(1, part.n_in())), [0])(ends, *same)
     return ca.Function("nested", [ends, *same], [total], {} if in_line else {"never_inline": True})
@@ -216,13 +212,10 @@ def _by_rows(table: Table, part: _Part, order: int, in_line: bool) -> ca.Functio
         total += (end - begin) * w * ca.vertcat(ca.polyval(value, z) * P, ca.polyval(rate, z) * P)
     inputs = [low, high, row, part.ends, part.known]
     is_met = ca.logic_and(low <= first, high > last)
-    if in_line:
-        of_row = ca.Function("row", inputs, [ca.if_else(is_met, total, 0)])
-    else:
-        met, found = ca.Function("met", inputs, [is_met]), ca.Function("row", inputs, [total])
-        symbols = [ca.MX.sym(f"x{k}", *each.shape) for k, each in enumerate(inputs)]
-        none = ca.Function("none", symbols, [nothing(symbols, 2 * order)])
-        of_row = ca.Function("row", symbols, [ca.Function.conditional("row", [none], found)(met(*symbols), *symbols)])
+    met = ca.Function("met", inputs, [is_met])
+    symbols = [ca.MX.sym(f"x{k}", *each.shape) for k, each in enumerate(inputs)]
+    row_met = passed_over(ca.Function("row", inputs, [total]), in_line=in_line)(met(*symbols), *symbols)
+    of_row = ca.Function("row", symbols, [row_met])
     given = [ca.MX.sym("ends", 2), ca.MX.sym("read", READ)]
     rows = rows_of(table)
     columns = [ca.DM(each).T for each in (rows[:, 0], rows[:, 1], rows[:, 2:])]
